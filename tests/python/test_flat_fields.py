@@ -69,13 +69,26 @@ def test_lattices_of_one_value_keep_float32() -> None:
             assert_close(image, by_reference(parts).rgba, FLOAT32, f"lattice of one value {more}")
 
 
-def test_two_plateaus_take_float64() -> None:
-    """Where values are alike around each point but not everywhere, float32 would show its rounding."""
-    parts = plateaus(-3.0, 0.5)
+@pytest.mark.parametrize("sampling", ["point", "slab"])
+@pytest.mark.parametrize(("low", "high"), [(0.3, 1.0), (0.3, 2.5)])
+def test_plateaus_keep_float32_and_its_bound(low: float, high: float, sampling: str) -> None:
+    """Where values are alike around each point but not everywhere, sums of whole values would show their rounding."""
+    parts = plateaus(low, high, sampling=sampling)
+    image = drawn(parts, "cpu")
+    assert image.plan.precision == "float32"
+    assert_close(image, by_reference(parts), FLOAT32, f"plateaus {low} {high} {sampling}")
+
+
+def test_values_alike_far_from_their_middle_take_float64() -> None:
+    """What differs in the last digits of float32 alone is lit."""
+    parts = flat(1e-5)
+    one = parts["fields"][0]
+    one["values"] = np.where(one["centers"][:, 0] < -0.45, 0.0, 60.0 + one["values"])
+    parts["transfer"] = [(60.0 + at, *look) for at, *look in TRANSFER]
     expected = by_reference(parts)
     image = drawn(parts, "cpu")
     assert image.plan.precision == "float64" and image.plan.has("float64")
-    assert_close(image, expected.rgba, FLOAT32, "plateaus")
+    assert_close(image, expected.rgba, FLOAT32, "far from the middle")
     inexact = drawn(parts, "cpu", precision="float32", allow_inexact=True)
     assert not within(off_by(inexact, expected), FLOAT32)
 

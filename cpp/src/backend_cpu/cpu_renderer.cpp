@@ -394,7 +394,7 @@ struct CpuRenderer::State {
                 }
             };
             kernels.pivot = setup.parts[part].pivot;
-            kernels.means = setup.parts[part++].means;
+            kernels.from_first = setup.parts[part++].from_first;
         }
         part = 0;
         bool any = !setup.reach.empty();

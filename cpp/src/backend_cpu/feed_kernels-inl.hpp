@@ -132,7 +132,7 @@ class KernelFeed {
         section.first = static_cast<std::int32_t>(first);
         extra.last = static_cast<std::int32_t>(last);
         const double weight = field_.weight(index) * amplitude;
-        const double amount = kernels_.means ? 1.0 / view_.weight_scale() : weight;
+        const double amount = kernels_.from_first ? 1.0 / view_.weight_scale() : weight;
         section.value = static_cast<T>((field_.value(index) - kernels_.pivot) * amount * view_.value_scale());
         extra.weight = static_cast<T>(std::max(weight * view_.weight_scale(), least_drawn_weight));
     }

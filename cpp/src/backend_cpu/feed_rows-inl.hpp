@@ -421,7 +421,7 @@ class RowFeed {
     }
 
     [[nodiscard]] double scale_of_values() const {
-        return kernels_.means ? view_.value_scale / view_.weight_scale : view_.value_scale;
+        return kernels_.from_first ? view_.value_scale / view_.weight_scale : view_.value_scale;
     }
 
     template <class Value>
@@ -512,7 +512,7 @@ class RowFeed {
         const glm::dvec2 plane = own.to_unit * (depth * origin_ - glm::dvec2(eye.x, eye.y)) - s * own.shear;
         const glm::dvec2 drift = own.to_unit * (frame_.slice_spacing * origin_) + step * own.shear;
         set_place(basis, plane, s, section);
-        section.value = static_cast<T>(kernels_.means ? value : value * shape.amplitude);
+        section.value = static_cast<T>(kernels_.from_first ? value : value * shape.amplitude);
         extra.weight = static_cast<T>(std::max(view_.weight_scale * shape.amplitude, least_drawn_weight));
         kernels_.unsorted.push_back(section);
         kernels_.unsorted_extras.push_back(extra);

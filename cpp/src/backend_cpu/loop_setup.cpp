@@ -93,12 +93,13 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     const auto is_divided = [&](std::size_t field) {
         return plan.own_sheets.empty() ? plan.threshold : plan.own_sheets[field] >= 0;
     };
-    // Gradients are differences of quotients, which in float32 would show the rounding of sums where values are alike.
-    setup.means = std::is_same_v<T, float> && shading.gradient && !setup.slopes;
+    // Gradients of quotients, of which differences or derivatives are taken, would show the rounding of sums in float32
+    // where values are alike.
+    setup.from_first = std::is_same_v<T, float> && shading.gradient;
     // (W grad D - D grad W) / W^2 is next to nothing where values are alike: counted from the middle of the values, it
-    // has no more rounding errors than what is left. So do means.
+    // has no more rounding errors than what is left.
     const auto pivot = [&](std::size_t field) {
-        return (setup.slopes || setup.means) && is_divided(field)
+        return (setup.slopes || setup.from_first) && is_divided(field)
                    ? number<T>(pivot_of(*job.scene->fields[field]) / plan.unit_of(field))
                    : T(0);
     };
@@ -111,6 +112,8 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
         const bool shared_weight = sheets.threshold || setup.keep_weight;
         if (shared_weight) {
             sheets.weight_channel = setup.channels++;
+            // (The first values' sheet, and what follows, lie as Target says.)
+            setup.channels += sheets.threshold && setup.from_first ? 1 : 0;
         }
         if (setup.slopes) {
             sheets.slope_channel = three();
@@ -134,11 +137,12 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
             integrate_profile(k, profile);
         }
         profile.pivot = static_cast<double>(pivot(field)) * plan.unit_of(field);
-        profile.means = setup.means && is_divided(field);
+        profile.from_first = setup.from_first && is_divided(field);
         if (!group.threshold && is_divided(field)) {
             OwnSheets<T> own;
             own.value_channel = profile.value_channel = setup.channels++;
             own.weight_channel = profile.weight_channel = setup.channels++;
+            setup.channels += setup.from_first ? 1 : 0;
             if (setup.slopes) {
                 own.slope_channel = profile.slope_channel = three();
                 own.weight_slope_channel = profile.weight_slope_channel = three();

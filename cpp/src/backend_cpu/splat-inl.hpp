@@ -77,7 +77,7 @@ HWY_INLINE int add_kernel(Splat<T, slopes>& splat, const Section<T>& section, co
 template <class T, bool slopes>
 HWY_INLINE int add_kernel(Splat<T, slopes>& splat, const Section<T>& section, const SectionExtra<T>& extra,
                           const RowShape<T>& shape, int count) {
-    return with_sums<T, slopes>(splat.profile, [&](auto sums) SHEETSPLAT_CPU_INLINE {
+    return with_sums<T>(splat.profile, [&](auto sums) SHEETSPLAT_CPU_INLINE {
         return add_kernel<sums.value>(splat, section, extra, shape, count);
     });
 }

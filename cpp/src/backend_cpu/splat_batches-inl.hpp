@@ -41,10 +41,16 @@ class SphereBatch {
         : shape_(shape), per_X_(T(1) / shape.X), per_Y_(T(1) / shape.Y2), per_slice_(T(-1) / shape.ds),
           minus_k_(-falloff_log2), last_slice_(last_slice) {}
 
-    /// 1 to `room` kernels; n: the slice that they are drawn from on.
-    HWY_INLINE void measure(const Section<T>* sections, int number, std::int32_t n, const Rect& seen) {
+    /// 1 to `room` kernels, from slice splat.n on.
+    template <Sums sums>
+    HWY_INLINE void measure(const Section<T>* sections, int number, const Splat<T, slopes>& splat, T weight) {
+        const std::int32_t n = splat.n;
+        const Rect& seen = splat.live.rect;
         for (int kernel = 0; kernel < room; ++kernel) {
             const Section<T>& section = sections[std::min(kernel, number - 1)];
+            if constexpr (slopes) {
+                scale_[kernel] = Steepness<sums, T>(splat.steep(), section.value, weight).scale;
+            }
             a1_[kernel] = section.a1;
             a2_[kernel] = section.a2;
             s_[kernel] = section.s;
@@ -75,7 +81,8 @@ class SphereBatch {
                     const V place = hn::MulAdd(hn::Set(d, step), hn::Set(d, static_cast<T>(i)), at);
                     hn::Store(exp2_nonpositive(d, hn::Mul(minus_k, hn::Mul(place, place))), d, out + i * room + kernel);
                     if constexpr (slopes) {
-                        hn::Store(hn::Mul(place, hn::Set(d, step)), d, slope + i * room + kernel);
+                        hn::Store(hn::Mul(place, hn::Mul(hn::Set(d, step), hn::Load(d, scale_ + kernel))), d,
+                                  slope + i * room + kernel);
                     }
                 }
             };
@@ -102,8 +109,9 @@ class SphereBatch {
         HWY_ALIGN T bell_x[2 * most_px];
         bells(d, -minus_k_, at_x, shape_.X, box.x1 - start, bell_x);
         HWY_ALIGN T slope_x[slopes ? 2 * most_px : 1];
+        const Steepness<sums, T> steepness(splat.steep(), value, weight);
         if constexpr (slopes) {
-            lines(d, at_x, shape_.X, box.x1 - start, slope_x);
+            lines(d, at_x, shape_.X, steepness.scale, box.x1 - start, slope_x);
         }
         in_batches<slopes ? 2 : 5>(0, count, [&](int slice, auto number) SHEETSPLAT_CPU_INLINE {
             const T* bell_y = bell_y_ + kernel;
@@ -111,7 +119,8 @@ class SphereBatch {
             if constexpr (slopes) {
                 separable_slopes<sums, number.value, room>(d, splat.targets + slice, bell_x, bell_y, bell_z, slope_x,
                                                            slope_y_ + kernel, slope_z_ + slice * room + kernel, edge,
-                                                           value, weight, splat.steep(), start, box.x1, box.y0, box.y1);
+                                                           value, weight, steepness, AllRows{box.y1 - box.y0}, start,
+                                                           box.x1, box.y0);
             } else {
                 separable_rows<sums, number.value, room>(d, splat.targets + slice, bell_x, bell_y, bell_z, edge, value,
                                                          weight, start, box.x1, box.y0, box.y1);
@@ -130,6 +139,7 @@ class SphereBatch {
     HWY_ALIGN T bell_y_[most_px * room], bell_z_[most_px * room]; ///< [row or slice][kernel]
     static constexpr int slope_room = slopes ? most_px * room : 1;
     HWY_ALIGN T slope_y_[slope_room], slope_z_[slope_room]; ///< the same
+    HWY_ALIGN T scale_[slopes ? room : 1];                  ///< Steepness::scale
 };
 
 /// As add_spheres, of kernels one after the other. Calls draw_again(last slice, number) for each that is drawn or only
@@ -137,7 +147,7 @@ class SphereBatch {
 template <Sums sums, class T, bool slopes, class DrawAgain>
 HWY_INLINE int add_sphere_batch(Splat<T, slopes>& splat, SphereBatch<T, slopes>& batch, const Section<T>* sections,
                                 int number, T weight, const DrawAgain& draw_again) {
-    batch.measure(sections, number, splat.n, splat.live.rect);
+    batch.template measure<sums>(sections, number, splat, weight);
     int drawn = 0;
     for (int kernel = 0; kernel < number; ++kernel) {
         const std::int32_t last = batch.last(kernel);

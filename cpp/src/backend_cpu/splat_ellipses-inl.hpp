@@ -158,12 +158,14 @@ struct AlongRay {
     }
     [[nodiscard]] HWY_INLINE T second(T row) const { return Y2 * row + d2; }
 };
+/// scale: what all of it is multiplied by.
 template <class T, bool slopes>
-HWY_INLINE AlongRay<T> along_ray(const Splat<T, slopes>& splat, const RowShape<T>& shape) {
-    const T spread = splat.setup.perspective ? static_cast<T>(splat.setup.slice_spacing) : T(0);
-    return {spread * shape.X, spread * shape.Y1, spread * shape.Y2, shape.d1, shape.d2, shape.ds};
+HWY_INLINE AlongRay<T> along_ray(const Splat<T, slopes>& splat, const RowShape<T>& shape, T scale) {
+    const T spread = splat.setup.perspective ? static_cast<T>(splat.setup.slice_spacing) * scale : T(0);
+    return {spread * shape.X, spread * shape.Y1, spread * shape.Y2,
+            shape.d1 * scale, shape.d2 * scale,  shape.ds * scale};
 }
-/// r dr over columns, rows and slices at q = (q1, q2, s).
+/// r dr over columns, rows and slices at q = (q1, q2, s), as X, Y1, Y2 and `along` are scaled.
 template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
 HWY_INLINE Slope<D> slope_at(D d, const AlongRay<T>& along, T X, T Y1, T Y2, V q1, T q2, T s, V column, T row) {
     return {hn::Mul(q1, hn::Set(d, X)), hn::MulAdd(q1, hn::Set(d, Y1), hn::Set(d, q2 * Y2)),
@@ -190,8 +192,14 @@ HWY_INLINE void walk(D d, const Splat<T, slopes>& splat, const Target<T>& to, co
     const auto value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
     const auto edge = hn::Set(d, splat.profile.edge);
     const auto minus_k = hn::Set(d, -k);
-    const auto steep_value = hn::Set(d, splat.steep() * value_t), steep_weight = hn::Set(d, splat.steep() * weight_t);
-    const AlongRay<T> along = along_ray(splat, shape);
+    const std::size_t sheet = to.sheet;
+    const Steepness<sums, T> steepness(splat.steep(), value_t, weight_t);
+    const T steep = steepness.scale;
+    const AlongRay<T> along = along_ray(splat, shape, steep);
+    // What slopes change by from row to row in orthographic views.
+    const Slope<D> by_row{hn::Set(d, X * Y1 * steep), hn::Set(d, (Y1 * Y1 + Y2 * Y2) * steep),
+                          hn::Set(d, Y1 * along.d1 + Y2 * along.d2)};
+    const bool straight = !splat.setup.perspective;
     for (int x = start, column = 0; x < x1; x += lanes, ++column) {
         const int first = static_cast<int>(columns.first[column]), past = static_cast<int>(columns.past[column]);
         if (first >= past) {
@@ -200,19 +208,30 @@ HWY_INLINE void walk(D d, const Splat<T, slopes>& splat, const Target<T>& to, co
         const int ridge = static_cast<int>(columns.ridge[column]);
         const auto columns_of = hn::Iota(d, static_cast<T>(x));
         const auto at_row_0 = hn::MulAdd(hn::Set(d, X), columns_of, hn::Set(d, a1));
+        const auto slope_in = [&](T row) SHEETSPLAT_CPU_INLINE {
+            return slope_at(d, along, X * steep, Y1 * steep, Y2 * steep,
+                            hn::MulAdd(hn::Set(d, Y1), hn::Set(d, row), at_row_0), Y2 * row + a2, e.s[slice],
+                            columns_of, row);
+        };
+        Slope<D> on_ridge{hn::Zero(d), hn::Zero(d), hn::Zero(d)};
+        if constexpr (slopes) {
+            on_ridge = slope_in(static_cast<T>(ridge));
+        }
         const auto add_rows = [&](int y, int end, int step, auto g, auto h) {
             T* values = to.value + static_cast<std::ptrdiff_t>(y) * to.stride + x;
             T* weights = sums != Sums::values ? to.weight + static_cast<std::ptrdiff_t>(y) * to.stride + x : nullptr;
             const std::ptrdiff_t stride = static_cast<std::ptrdiff_t>(to.stride) * step;
+            auto off_ridge = hn::Set(d, static_cast<T>(y - ridge));
             for (; y != end; y += step) {
-                add_bell<sums>(d, hn::Sub(g, edge), value, weight, values, weights);
+                const auto apart = add_bell<sums, slopes>(d, hn::Sub(g, edge), value, weight, values, weights, sheet);
                 if constexpr (slopes) {
-                    const T row = static_cast<T>(y);
-                    const auto slope =
-                        slope_at(d, along, X, Y1, Y2, hn::MulAdd(hn::Set(d, Y1), hn::Set(d, row), at_row_0),
-                                 Y2 * row + a2, e.s[slice], columns_of, row);
-                    add_slope<sums>(d, inside_support(d, g, edge), slope, steep_value, steep_weight, to,
+                    const Slope<D> slope = straight ? Slope<D>{hn::MulAdd(off_ridge, by_row.column, on_ridge.column),
+                                                               hn::MulAdd(off_ridge, by_row.row, on_ridge.row),
+                                                               hn::MulAdd(off_ridge, by_row.slice, on_ridge.slice)}
+                                                    : slope_in(static_cast<T>(y));
+                    add_slope<sums>(d, inside_support(d, g, edge), slope, steepness.beside_weight(d, apart), to,
                                     static_cast<std::ptrdiff_t>(y) * to.stride + x);
+                    off_ridge = hn::Add(off_ridge, hn::Set(d, static_cast<T>(step)));
                 }
                 g = hn::Mul(g, h);
                 h = hn::Mul(h, q);
@@ -268,8 +287,9 @@ HWY_INLINE void evaluate_rows(D d, const Splat<T, slopes>& splat, const Target<T
     const auto scale = hn::Set(d, -splat.profile.falloff_log2);
     const auto edge = hn::Set(d, splat.profile.edge);
     const auto value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
-    const auto steep_value = hn::Set(d, splat.steep() * value_t), steep_weight = hn::Set(d, splat.steep() * weight_t);
-    const AlongRay<T> along = along_ray(splat, shape);
+    const Steepness<sums, T> steepness(splat.steep(), value_t, weight_t);
+    const T steep = steepness.scale;
+    const AlongRay<T> along = along_ray(splat, shape, steep);
     for (int y = y0; y < y1; ++y) {
         const T q2 = Y2 * static_cast<T>(y) + e.a2[slice];
         const T inside = e.rest[slice] - q2 * q2;
@@ -286,11 +306,12 @@ HWY_INLINE void evaluate_rows(D d, const Splat<T, slopes>& splat, const Target<T
             const auto column = hn::Iota(d, static_cast<T>(x));
             const auto q1 = hn::MulAdd(hn::Set(d, X), column, hn::Set(d, b));
             const auto bell = exp2_nonpositive(d, hn::Mul(scale, hn::MulAdd(q1, q1, height)));
-            add_bell<sums>(d, hn::Sub(bell, edge), value, weight, to.value + at + x,
-                           sums != Sums::values ? to.weight + at + x : nullptr);
+            const auto apart = add_bell<sums, slopes>(d, hn::Sub(bell, edge), value, weight, to.value + at + x,
+                                                      sums != Sums::values ? to.weight + at + x : nullptr, to.sheet);
             if constexpr (slopes) {
-                const auto slope = slope_at(d, along, X, Y1, Y2, q1, q2, e.s[slice], column, static_cast<T>(y));
-                add_slope<sums>(d, inside_support(d, bell, edge), slope, steep_value, steep_weight, to, at + x);
+                const auto slope = slope_at(d, along, X * steep, Y1 * steep, Y2 * steep, q1, q2, e.s[slice], column,
+                                            static_cast<T>(y));
+                add_slope<sums>(d, inside_support(d, bell, edge), slope, steepness.beside_weight(d, apart), to, at + x);
             }
         }
     }

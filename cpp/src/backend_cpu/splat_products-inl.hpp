@@ -286,6 +286,7 @@ HWY_INLINE void product_rows(D d, const Target<T>* to, const Bells<T>& bells, co
     const int lanes = static_cast<int>(hn::Lanes(d));
     const auto edge = hn::Set(d, edge_t), value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
     const int stride = to[0].stride;
+    const std::size_t sheet = to[0].sheet;
     // Copies, since the compiler must think that sheets might hold these.
     T* values[slices];
     T* weights[slices];
@@ -310,8 +311,8 @@ HWY_INLINE void product_rows(D d, const Target<T>* to, const Bells<T>& bells, co
                     const T* factors = lean.table + y * lean.stride + (x - x0) + (Lean::each ? slice * lean.apart : 0);
                     bell = hn::Mul(bell, hn::LoadU(d, factors));
                 }
-                add_bell<sums>(d, hn::MulSub(bell, hn::Set(d, along_y[slice][y]), edge), value, weight,
-                               values[slice] + at, sums != Sums::values ? weights[slice] + at : nullptr);
+                add_bell<sums, false>(d, hn::MulSub(bell, hn::Set(d, along_y[slice][y]), edge), value, weight,
+                                      values[slice] + at, sums != Sums::values ? weights[slice] + at : nullptr, sheet);
             }
         }
     }

@@ -79,21 +79,21 @@ HWY_INLINE V closed_form(D d, V low, V high, V nearest, V rate, V beside) {
 }
 
 /// Adds a kernel's value (and weight). Where a steep profile has nothing left, or a difference of two erf cancels, rays
-/// that meet the support still do: the point is not empty.
-template <Sums sums, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
-HWY_INLINE void add_reached(D d, V bell, hn::Mask<D> met, V value, V weight, T* values, T* weights) {
-    if constexpr (sums != Sums::means) {
-        add_bell<Sums::values>(d, bell, value, weight, values, nullptr);
+/// that meet the support still do: the point is not empty. Returns what add_bell does.
+template <Sums sums, bool slopes, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE V add_reached(D d, V bell, hn::Mask<D> met, V value, V weight, const Target<T>& to, std::ptrdiff_t at) {
+    if constexpr (sums != Sums::from_first) {
+        add_bell<Sums::values, slopes>(d, bell, value, weight, to.value + at, nullptr, to.sheet);
     }
     if constexpr (sums != Sums::values) {
         const V least = hn::IfThenElseZero(met, hn::Set(d, std::numeric_limits<T>::min()));
         const V added = hn::Max(hn::Mul(weight, hn::Max(bell, hn::Zero(d))), least);
-        if constexpr (sums == Sums::means) {
-            add_to_mean(d, added, value, values, weights);
-        } else {
-            hn::StoreU(hn::Add(hn::LoadU(d, weights), added), d, weights);
+        if constexpr (sums == Sums::from_first) {
+            return add_from_first<slopes>(d, added, value, to.value + at, to.weight + at, to.sheet);
         }
+        hn::StoreU(hn::Add(hn::LoadU(d, to.weight + at), added), d, to.weight + at);
     }
+    return value;
 }
 
 /// The mean of a Gaussian over a slab that a ray crosses inside the support. At q in the slab's middle, with q changing
@@ -217,8 +217,7 @@ HWY_INLINE int add_slabs(Splat<T, slopes>& splat, const Section<T>& section, T w
     const V k = hn::Set(d, -splat.profile.falloff_log2), edge = hn::Set(d, splat.profile.edge);
     const V root_k = hn::Set(d, splat.profile.root_falloff);
     const V value = hn::Set(d, section.value), weight = hn::Set(d, weight_t);
-    const V steep_value = hn::Set(d, splat.steep() * section.value),
-            steep_weight = hn::Set(d, splat.steep() * weight_t);
+    const Steepness<sums, T> steepness(splat.steep(), section.value, weight_t);
     const V w3 = hn::Set(d, shape.ds);
     // Orthographic: rays are alike.
     const T k_t = splat.profile.root_falloff * splat.profile.root_falloff;
@@ -268,8 +267,7 @@ HWY_INLINE int add_slabs(Splat<T, slopes>& splat, const Section<T>& section, T w
                         const V turn = hn::Mul(hn::Set(d, k_t), along_ray);
                         const V mean = hn::Mul(exp2_nonpositive(d, hn::Mul(k, squared)),
                                                polynomial(d, hn::Mul(turn, turn), series.c));
-                        add_reached<sums>(d, hn::Sub(mean, edge), hn::Gt(one, zero), value, weight, to.value + at + x,
-                                          sums != Sums::values ? to.weight + at + x : nullptr);
+                        add_reached<sums, slopes>(d, hn::Sub(mean, edge), hn::Gt(one, zero), value, weight, to, at + x);
                         continue;
                     }
                 }
@@ -306,6 +304,8 @@ HWY_INLINE int add_slabs(Splat<T, slopes>& splat, const Section<T>& section, T w
                         moment = moment_over(d, low, high, nearest, hn::Mul(k, speed2), rate, beside);
                     }
                 }
+                const V rest = hn::Sub(mean, hn::Mul(edge, length));
+                const V apart = add_reached<sums, slopes>(d, rest, hn::Gt(length, zero), value, weight, to, at + x);
                 if constexpr (slopes) {
                     // The mean of q times the Gaussian: at the ray's nearest approach q is w x (q x w) / w^2.
                     const V share = hn::Mul(mean, per_speed2);
@@ -315,12 +315,9 @@ HWY_INLINE int add_slabs(Splat<T, slopes>& splat, const Section<T>& section, T w
                     const Slope<hn::CappedTag<T, 8>> slope{hn::Mul(m1, hn::Set(d, X)),
                                                            hn::MulAdd(m1, hn::Set(d, Y1), hn::Mul(m2, hn::Set(d, Y2))),
                                                            hn::MulAdd(m1, w1, hn::MulAdd(m2, w2, hn::Mul(m3, w3)))};
-                    const V there = hn::IfThenElseZero(hn::Gt(length, zero), one);
-                    add_slope<sums>(d, there, slope, steep_value, steep_weight, to, at + x);
+                    const V there = hn::IfThenElseZero(hn::Gt(length, zero), hn::Set(d, steepness.scale));
+                    add_slope<sums>(d, there, slope, steepness.beside_weight(d, apart), to, at + x);
                 }
-                const V rest = hn::Sub(mean, hn::Mul(edge, length));
-                add_reached<sums>(d, rest, hn::Gt(length, zero), value, weight, to.value + at + x,
-                                  sums != Sums::values ? to.weight + at + x : nullptr);
             }
         }
         if (any) {
@@ -390,9 +387,8 @@ HWY_INLINE int leaning_slabs(D d, Splat<T, slopes>& splat, const Section<T>& sec
             for (int slice = first; slice < past; ++slice) {
                 const V begin = end, after = integral_to(slice + 1);
                 any[slice] = true;
-                add_reached<sums>(d, hn::Sub(after, before), hn::Gt(end, begin), value, weight,
-                                  splat.targets[slice].value + row + x,
-                                  sums != Sums::values ? splat.targets[slice].weight + row + x : nullptr);
+                add_reached<sums, slopes>(d, hn::Sub(after, before), hn::Gt(end, begin), value, weight,
+                                          splat.targets[slice], row + x);
                 before = after;
             }
         }
@@ -487,8 +483,7 @@ HWY_INLINE void upright_slabs(D d, const Target<T>* to, int count, const SlabEnd
                 const V rest = hn::Sub(before, after);
                 const auto reached = hn::And(met, hn::And(hn::Lt(hn::Set(d, ends.place[slice + 1]), half_chord),
                                                           hn::Gt(hn::Set(d, ends.place[slice]), back)));
-                add_reached<sums>(d, rest, reached, value, weight, to[slice].value + at,
-                                  sums != Sums::values ? to[slice].weight + at : nullptr);
+                add_reached<sums, false>(d, rest, reached, value, weight, to[slice], at);
                 before = after;
             }
         }

@@ -43,6 +43,7 @@ HWY_INLINE void separable_rows(D d, const Target<T>* to, const T* bell_x, const 
     const auto value = hn::Set(d, value_t);
     const auto weight = hn::Set(d, weight_t);
     const int stride = to[0].stride;
+    const std::size_t sheet = to[0].sheet;
     // Copies, since the compiler must think that sheets might hold these.
     T* values[slices];
     T* weights[slices];
@@ -59,32 +60,60 @@ HWY_INLINE void separable_rows(D d, const Target<T>* to, const T* bell_x, const 
         for (int y = 0; y < y1 - y0; ++y, at += stride) {
             const auto here = hn::Mul(bell, hn::Set(d, bell_y[y * stride_of_bells]));
             for (int slice = 0; slice < slices; ++slice) {
-                add_bell<sums>(d, hn::MulSub(here, hn::Set(d, z[slice]), edge), value, weight, values[slice] + at,
-                               sums != Sums::values ? weights[slice] + at : nullptr);
+                add_bell<sums, false>(d, hn::MulSub(here, hn::Set(d, z[slice]), edge), value, weight,
+                                      values[slice] + at, sums != Sums::values ? weights[slice] + at : nullptr, sheet);
             }
         }
     }
 }
 
-/// (at + i step) step for i = 0 ... count - 1, whole vectors.
+/// (at + i step) step scale for i = 0 ... count - 1, whole vectors.
 template <class D, class T = hn::TFromD<D>>
-HWY_INLINE void lines(D d, T at, T step, int count, T* out) {
+HWY_INLINE void lines(D d, T at, T step, T scale, int count, T* out) {
     const int lanes = static_cast<int>(hn::Lanes(d));
-    const auto steps = hn::Set(d, step);
     for (int i = 0; i < count; i += lanes) {
-        const auto place = hn::MulAdd(steps, hn::Iota(d, static_cast<T>(i)), hn::Set(d, at));
-        hn::Store(hn::Mul(place, steps), d, out + i);
+        const auto place = hn::MulAdd(hn::Set(d, step), hn::Iota(d, static_cast<T>(i)), hn::Set(d, at));
+        hn::Store(hn::Mul(place, hn::Set(d, step * scale)), d, out + i);
     }
 }
 
+/// The rows of a box that sections of an upright kernel reach, by columns.
+template <class T>
+struct ReachedRows {
+    T at_x, X;      ///< q1 at the first column, and its change
+    T middle, half; ///< row of the centre, counted from the box's first one; radius
+    T rest;         ///< 1 - s^2 of the largest section
+    int rows;
+
+    /// Calls use(first, past) with the rows of `count` columns from the given one on. What rounding might leave in the
+    /// support is among them.
+    template <class Use>
+    HWY_INLINE void of_columns(int column, int count, const Use& use) const {
+        const T low = at_x + X * static_cast<T>(column), high = low + X * static_cast<T>(count - 1);
+        const T nearest = low > T(0) ? low : std::min(high, T(0));
+        const T inside = rest - nearest * nearest + T(1e-5);
+        if (inside > T(0)) {
+            const T reach = half * std::sqrt(inside);
+            use(whole(std::ceil(middle - reach), 0, rows), whole(std::floor(middle + reach) + T(1), 0, rows));
+        }
+    }
+};
+/// All rows, of kernels so small that choosing takes longer.
+struct AllRows {
+    int rows;
+    template <class Use>
+    HWY_INLINE void of_columns(int /*column*/, int /*count*/, const Use& use) const {
+        use(0, rows);
+    }
+};
+
 /// As separable_rows, with the derivatives.
-template <Sums sums, int slices, int stride_of_bells = 1, class D, class T = hn::TFromD<D>>
+template <Sums sums, int slices, int stride_of_bells = 1, class D, class Rows, class T = hn::TFromD<D>>
 HWY_INLINE void separable_slopes(D d, const Target<T>* to, const T* bell_x, const T* bell_y, const T* bell_z,
                                  const T* slope_x, const T* slope_y, const T* slope_z, T edge_t, T value_t, T weight_t,
-                                 T steep, int x0, int x1, int y0, int y1) {
+                                 const Steepness<sums, T>& steepness, const Rows& rows, int x0, int x1, int y0) {
     const int lanes = static_cast<int>(hn::Lanes(d));
     const auto edge = hn::Set(d, edge_t), value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
-    const auto steep_value = hn::Set(d, steep * value_t), steep_weight = hn::Set(d, steep * weight_t);
     const std::ptrdiff_t stride = to[0].stride;
     Target<T> sheets[slices];
     T z[slices], steep_z[slices];
@@ -95,19 +124,24 @@ HWY_INLINE void separable_slopes(D d, const Target<T>* to, const T* bell_x, cons
     }
     for (int x = x0; x < x1; x += lanes) {
         const auto column = hn::LoadU(d, bell_x + (x - x0));
-        Slope<D> slope{hn::LoadU(d, slope_x + (x - x0)), hn::Zero(d), hn::Zero(d)};
-        std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y0) * stride + x;
-        for (int y = 0; y < y1 - y0; ++y, at += stride) {
-            const auto here = hn::Mul(column, hn::Set(d, bell_y[y * stride_of_bells]));
-            slope.row = hn::Set(d, slope_y[y * stride_of_bells]);
-            for (int slice = 0; slice < slices; ++slice) {
-                const auto bell = hn::Mul(here, hn::Set(d, z[slice]));
-                slope.slice = hn::Set(d, steep_z[slice]);
-                add_bell<sums>(d, hn::Sub(bell, edge), value, weight, sheets[slice].value + at,
-                               sums != Sums::values ? sheets[slice].weight + at : nullptr);
-                add_slope<sums>(d, inside_support(d, bell, edge), slope, steep_value, steep_weight, sheets[slice], at);
+        const auto slope_x_here = hn::LoadU(d, slope_x + (x - x0));
+        rows.of_columns(x - x0, lanes, [&](int first, int past) SHEETSPLAT_CPU_INLINE {
+            std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y0 + first) * stride + x;
+            for (int y = first; y < past; ++y, at += stride) {
+                const auto here = hn::Mul(column, hn::Set(d, bell_y[y * stride_of_bells]));
+                const auto slope_y_here = hn::Set(d, slope_y[y * stride_of_bells]);
+                for (int slice = 0; slice < slices; ++slice) {
+                    const Target<T>& sheet = sheets[slice];
+                    const auto bell = hn::Mul(here, hn::Set(d, z[slice]));
+                    const auto apart =
+                        add_bell<sums, true>(d, hn::Sub(bell, edge), value, weight, sheet.value + at,
+                                             sums != Sums::values ? sheet.weight + at : nullptr, sheet.sheet);
+                    add_slope<sums>(d, inside_support(d, bell, edge),
+                                    Slope<D>{slope_x_here, slope_y_here, hn::Set(d, steep_z[slice])},
+                                    steepness.beside_weight(d, apart), sheet, at);
+                }
             }
-        }
+        });
     }
 }
 
@@ -147,18 +181,25 @@ HWY_INLINE int add_spheres(Splat<T, slopes>& splat, const Section<T>& section, T
     HWY_ALIGN T slope_x[slopes ? most_edge : 1];
     HWY_ALIGN T slope_y[slopes ? most_edge : 1];
     HWY_ALIGN T slope_z[slopes ? covered_slices + 16 : 1];
+    const Steepness<sums, T> steepness(splat.steep(), section.value, weight);
     if constexpr (slopes) {
-        lines(wide, at_x, shape.X, box.x1 - start, slope_x);
-        lines(wide, at_y, shape.Y2, height, slope_y);
-        lines(middling, at_z, shape.ds, covered_slices, slope_z);
+        lines(wide, at_x, shape.X, steepness.scale, box.x1 - start, slope_x);
+        lines(wide, at_y, shape.Y2, steepness.scale, height, slope_y);
+        lines(middling, at_z, shape.ds, steepness.scale, covered_slices, slope_z);
     }
     in_narrowest<T>(width, [&](auto d) {
         in_batches<slopes ? 2 : 5>(0, count, [&](int slice, auto number) {
             constexpr int together = number.value;
             if constexpr (slopes) {
+                // The section nearest to the centre is the largest.
+                const T one_end = at_z + shape.ds * static_cast<T>(slice);
+                const T other = one_end + shape.ds * static_cast<T>(together - 1);
+                const T least = one_end * other > T(0) ? std::min(std::abs(one_end), std::abs(other)) : T(0);
+                const ReachedRows<T> rows{
+                    at_x, shape.X, middle_y - static_cast<T>(box.y0), per_Y, T(1) - least * least, height};
                 separable_slopes<sums, together>(d, splat.targets + slice, bell_x, bell_y, bell_z + slice, slope_x,
                                                  slope_y, slope_z + slice, splat.profile.edge, section.value, weight,
-                                                 splat.steep(), start, box.x1, box.y0, box.y1);
+                                                 steepness, rows, start, box.x1, box.y0);
             } else {
                 separable_rows<sums, together>(d, splat.targets + slice, bell_x, bell_y, bell_z + slice,
                                                splat.profile.edge, section.value, weight, start, box.x1, box.y0,

@@ -232,7 +232,7 @@ class TileLoop {
             // Calls use(draw) with how single kernels of this part are drawn.
             const auto with_way = [&](const auto& use) {
                 if (plain) {
-                    return with_sums<T, slopes>(profile, [&](auto sums) SHEETSPLAT_CPU_INLINE {
+                    return with_sums<T>(profile, [&](auto sums) SHEETSPLAT_CPU_INLINE {
                         return use([&](std::uint32_t number) { draw_upright(sums, number); });
                     });
                 }
@@ -300,7 +300,7 @@ class TileLoop {
             const auto draw_all = [&] {
                 if constexpr (!slopes) {
                     if (products) {
-                        return with_sums<T, slopes>(profile, draw_products);
+                        return with_sums<T>(profile, draw_products);
                     }
                 }
                 return with_way(draw_each);
@@ -320,8 +320,8 @@ class TileLoop {
             while (next < past) {
                 const auto number =
                     static_cast<unsigned>(std::min<std::size_t>(past - next, SphereBatch<T, slopes>::room));
-                const int drawn = with_sums<T, slopes>(
-                    profile, [&](auto sums) SHEETSPLAT_CPU_INLINE { return draw_batch(sums, number); });
+                const int drawn =
+                    with_sums<T>(profile, [&](auto sums) SHEETSPLAT_CPU_INLINE { return draw_batch(sums, number); });
                 drawn_ += static_cast<std::uint64_t>(drawn);
                 next += number;
                 if (given_up(number)) {

@@ -45,10 +45,11 @@ constexpr double most_alike_lit = 200.0;
 /// resolved and the reference length over a pixel or slice spacing. Scenes with gentle opacities are held to 2e-5,
 /// others to 1e-4.
 constexpr double largest_lit_noise = 20.0, largest_steep_lit_noise = 100.0;
-/// The same of the kernels' own derivatives, with values counted from the middle (noise_of_derivatives): seen
-/// were 1.5e-5 (RMSE) times it, where values hardly change around a point. Scenes with gentle opacities are held to
-/// 2e-5.
-constexpr double largest_noise_of_derivatives = 1.3;
+/// Of the kernels' own derivatives sums hold differences of values alone, and what is lit is the rounding of the values
+/// themselves, counted from the middle: seen were 5e-7 (RMSE) times their largest over what is resolved and the
+/// reference length over a semi-axis (at least 1), where values hardly change around a point and are far from the
+/// middle. Scenes with gentle opacities are held to 2e-5.
+constexpr double largest_noise_of_values = 20.0;
 /// Slice spacing in perspective, world units, and its inverse: beyond, squares of lengths leave float32.
 constexpr double largest_unit = 1e8;
 

@@ -121,8 +121,10 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
     }
     if (lights_quotients(plan) && plan.analytic_gradient) {
         const double ratio = ratio_from_pivots(scene, plan, sums.resolved);
-        if (noise_of_derivatives(view, sums, ratio) > limits::largest_noise_of_derivatives) {
-            return "derivatives of quotients would be noisy in float32 where values hardly change: values reach " +
+        const double axis = view.screen_px.smallest * view.frame.smallest_pixel;
+        if (ratio * std::max(1.0, view.frame.reference_length / axis) > limits::largest_noise_of_values) {
+            return "derivatives of quotients would show the rounding of values in float32 where these hardly change: "
+                   "they reach " +
                    number(ratio) + " times the range of the transfer function from their middle";
         }
     }

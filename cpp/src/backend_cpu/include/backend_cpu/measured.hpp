@@ -53,6 +53,13 @@ constexpr int walked_rows = sizeof(T) == 4 ? 20 : 48;
 template <class T>
 constexpr T deepest_span = sizeof(T) == 4 ? T(118) : T(1000);
 
+// Values from the first (splat_target-inl.hpp). tests/python/test_flat_fields.py
+
+/// Share of a kernel's weight below which W before it does not count: what is counted from the value of so little loses
+/// that many digits, and moving the sums takes time.
+template <class T>
+constexpr T least_first = T(1) / T(1024);
+
 // Splat loop of products. tests/python/test_cpu_lattices.py
 
 /// Kernels of one shape that reach farther from their centres are walked along columns.
@@ -110,7 +117,7 @@ constexpr std::size_t most_stretches_to_walk = 12;
 /// -(n + 1) of 82).
 constexpr double most_change = 1.05;
 /// Cells a stretch, so that a search rarely goes on beyond the first stretch of its cell; and cells in all.
-constexpr std::size_t cells_per_stretch = 4;
+constexpr std::size_t cells_per_stretch = 16;
 constexpr std::size_t most_cells = 1U << 14;
 
 // Sorting by tiles. Feed.SectionsAreTheKernels, Feed.BucketsDoNotDependOnThreads

@@ -32,8 +32,8 @@ struct PartProfile {
     int weight_channel = -1; ///< -1: weights are not summed
     /// The first of three: derivatives over columns, rows and slices. -1: not summed.
     int slope_channel = -1, weight_slope_channel = -1;
-    double pivot = 0.0; ///< what values are counted from
-    bool means = false; ///< in place of values their mean is kept, weighted by the kernels
+    double pivot = 0.0;      ///< what values are counted from
+    bool from_first = false; ///< at each point values are counted from the first one: the sheet after that of W
 };
 
 /// A field that is divided by its own weights before fields are added.
@@ -79,7 +79,7 @@ struct LoopSetup {
     std::vector<GroupSheets<T>> groups;
     int channels = 0;
     bool slopes = false;                 ///< derivatives are summed beside values
-    bool means = false;                  ///< of fields that are divided by their weights, means are kept, not sums
+    bool from_first = false;             ///< so are the fields that are divided by their weights (PartProfile)
     const SliceRecord* record = nullptr; ///< null: a picture is drawn
     bool keep_weight = false;            ///< W is read after the division (empty points, coverage, slices that count)
     bool slab = false;

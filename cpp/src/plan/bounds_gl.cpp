@@ -225,7 +225,8 @@ std::string why_float32(const Scene& scene, const ViewFacts& view, const Capabil
 void check_precision(const Scene& scene, const ViewFacts& view, const RendererOptions& options,
                      const Capabilities& capabilities, DrawPlan& plan) {
     const SumFacts facts = sum_facts(scene, view, plan);
-    const auto& [overlap, largest, resolved, ratio, sum, steepness, least_scale, weight_range, crowd, bend] = facts;
+    const auto& [overlap, largest, resolved, ratio, sum, steepness, least_scale, weight_range, crowd, bend,
+                 nearest_end] = facts;
     const bool lost = least_scale < least_divisor;
     const double sums = float32_epsilon * std::sqrt(overlap) * ratio;
     // Sheets of 8 bits end at 1, which sums of weights, and of values that are not divided, go beyond.

@@ -125,6 +125,14 @@ SumFacts facts_of(const Scene& scene, const ViewFacts& view, const DrawPlan& pla
         const Amounts amounts = amounts_of(*field, view);
         facts.largest = std::max(facts.largest, amounts.largest);
         spread = std::max(spread, amounts.high - amounts.low);
+        if (plan.mode == Mode::isosurface) {
+            for (const IsoValue& iso : scene.iso_values) {
+                for (const double end : {0.0, amounts.low, amounts.high}) {
+                    const double distance = std::abs(iso.value - end);
+                    facts.nearest_end = distance > 0.0 ? std::min(facts.nearest_end, distance) : facts.nearest_end;
+                }
+            }
+        }
         facts.sum = std::max({facts.sum, facts.overlap * amounts.heaviest / unit, facts.overlap * amounts.most_weight});
         if (field->normalization() == Normalization::threshold) {
             facts.least_scale = std::min(facts.least_scale, std::max(field->w0(), amounts.least_weight));
@@ -179,6 +187,7 @@ SumFacts sum_facts(const Scene& scene, const ViewFacts& view, const DrawPlan& pl
         }
         facts.sum = std::max(facts.sum, other.sum);
         facts.steepness = std::max(facts.steepness, other.steepness);
+        facts.nearest_end = std::min(facts.nearest_end, other.nearest_end);
         facts.least_scale = std::min(facts.least_scale, other.least_scale);
         facts.weight_range = std::max(facts.weight_range, other.weight_range);
         facts.bend = std::max(facts.bend, other.bend);

@@ -1,6 +1,8 @@
 // What the sums of a scene's kernels amount to, and the errors that follow.
 #pragma once
 
+#include <limits>
+
 #include "plan/limits_common.hpp"
 #include "plan/make_plan.hpp"
 
@@ -19,6 +21,8 @@ struct SumFacts {
     double weight_range = 0.0; ///< of fields that are divided: largest m / w0
     double crowd = 1.0; ///< kernels at a point where they are densest: exact for lattices, else twice an estimate
     double bend = 1.0;  ///< root mean square of colours' and opacity's slopes over the values that occur, at least 1
+    /// Least distance of an iso value from 0 and from the ends of a field's values, where it is not 0.
+    double nearest_end = std::numeric_limits<double>::infinity();
 };
 SumFacts sum_facts(const Scene& scene, const ViewFacts& view, const DrawPlan& plan);
 

@@ -27,6 +27,10 @@ constexpr double thickest_slab = 100.0;
 /// Largest weight over w0, times values over what is resolved, where quotients of means over slabs are lit: differences
 /// of erf are known to 1e-7 of 1, however small. Seen were 4e-7 (P99.9) times it, 3.8e-4 at the most.
 constexpr double widest_weights_in_slabs = 300.0;
+/// Largest value over the distance of a lit iso value from the nearest end of the values: where a plateau of values
+/// begins, the gradient between two slices is weak by as much as the surface is near one of them. Seen were 0.3 (RMSE)
+/// at 2e8.
+constexpr double nearest_end = 1e3;
 /// The profile exp(-k r^2) - exp(-k) is a difference of nearly equal numbers: at 0.07 and 0.2 seen at the bound.
 constexpr double least_falloff = 0.5;
 /// Falloff, where empty points are distinguished from those of 0: steeper kernels leave nothing in the sheets near
@@ -56,6 +60,9 @@ constexpr double largest_unit = 1e8;
 // ---- beyond these a scene is refused (tests: CpuFloat64.EndsAt/<name>)
 
 constexpr double largest_sum_float64 = 1e250;
+/// Largest weight over w0 where quotients of means over slabs are lit: as in float32, by the error of erf in float64.
+/// At 4e16 and 2e18 seen at 3e-3 and 5e-4 (P99.9).
+constexpr double widest_weights_in_slabs_float64 = 1e11;
 constexpr double least_falloff_float64 = 1e-8;
 constexpr double steepest_falloff_float64 = 600.0;
 /// Reference length over a pixel or slice spacing: differences of float64 sums lose gradients that show.

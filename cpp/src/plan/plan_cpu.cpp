@@ -106,6 +106,11 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
         return "weights of up to " + number(sums.weight_range) +
                " times w0: where these are w0, light would show the rounding of float32 means over slabs";
     }
+    if (plan.mode == Mode::isosurface && plan.gradient && sums.largest > limits::nearest_end * sums.nearest_end) {
+        return "an iso value is " + number(sums.nearest_end) + " from the end of values of up to " +
+               number(sums.largest) +
+               ": float32 would lose how far the surface is from a slice, and with it the gradient there";
+    }
     if (plan.gradient_opacity && least_faded(scene, view, sums, float32_epsilon) > *scene.gradient_opacity) {
         return "gradient_opacity " + number(*scene.gradient_opacity) + " is within the rounding of float32 gradients";
     }
@@ -207,6 +212,12 @@ void refuse_beyond_float64(const Scene& scene, const ViewFacts& view, const Draw
     if (sums.sum > limits::largest_sum_float64) {
         refuse("sums of weights, or of weighted values over what is resolved, of up to " + number(sums.sum),
                "at most " + number(limits::largest_sum_float64), "scale the values or the weights");
+    }
+    if (scene.sampling == Sampling::slab && lights_quotients(plan) &&
+        sums.weight_range * std::max(1.0, sums.ratio) > limits::widest_weights_in_slabs_float64) {
+        refuse("lit means over slabs with weights of up to " + number(sums.weight_range) + " times w0",
+               "at most " + number(limits::widest_weights_in_slabs_float64 / std::max(1.0, sums.ratio)) + " times",
+               "use a larger " + option_ref("w0") + ", leave out " + option_ref("sampling", "slab") + " or the lights");
     }
     const bool lit = lights_quotients(plan) && sums.ratio > limits::largest_lit_ratio_float64;
     const double error = picture_error(sums, float64_epsilon);

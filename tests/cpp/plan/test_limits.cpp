@@ -213,6 +213,13 @@ const std::vector<Limit> of_float32{
          c.scene.gradient = Gradient::analytic;
          c.scene.transfer_function = TransferFunction({{0.0, {1, 1, 1}, 0.0}, {0.5 / x, {1, 1, 1}, 0.01}});
      }},
+    // Values of 0 to 1.
+    {"nearest_end", 990, 1010,
+     [](Case& c, double x) {
+         make_quotients(c);
+         c.scene.mode = Mode::isosurface;
+         c.scene.iso_values = {IsoValue(1.0 - 1.0 / x)};
+     }},
     // Weights of 1.
     {"weights_in_slabs", 299, 301,
      [](Case& c, double x) {
@@ -285,6 +292,11 @@ const std::vector<Limit> of_float64{
      [](Case& c, double x) {
          make_unlit(c);
          c.scene.fields = {ellipsoids(x, x / 33.5)};
+     }},
+    {"weights_in_slabs", 0.99e11, 1.01e11,
+     [](Case& c, double x) {
+         c.scene.fields = {ellipsoids(1.0 / x)};
+         c.scene.sampling = Sampling::slab;
      }},
     {"lit_ratio", 1.98e10, 2.02e10,
      [](Case& c, double x) {

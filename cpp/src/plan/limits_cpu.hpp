@@ -27,10 +27,6 @@ constexpr double thickest_slab = 100.0;
 /// Largest weight over w0, times values over what is resolved, where quotients of means over slabs are lit: differences
 /// of erf are known to 1e-7 of 1, however small. Seen were 4e-7 (P99.9) times it, 3.8e-4 at the most.
 constexpr double widest_weights_in_slabs = 300.0;
-/// Largest value over the distance of a lit iso value from the nearest end of the values: where a plateau of values
-/// begins, the gradient between two slices is weak by as much as the surface is near one of them. Seen were 0.3 (RMSE)
-/// at 2e8.
-constexpr double nearest_end = 1e3;
 /// The profile exp(-k r^2) - exp(-k) is a difference of nearly equal numbers: at 0.07 and 0.2 seen at the bound.
 constexpr double least_falloff = 0.5;
 /// Falloff, where empty points are distinguished from those of 0: steeper kernels leave nothing in the sheets near

@@ -106,7 +106,7 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
         return "weights of up to " + number(sums.weight_range) +
                " times w0: where these are w0, light would show the rounding of float32 means over slabs";
     }
-    if (plan.mode == Mode::isosurface && plan.gradient && sums.largest > limits::nearest_end * sums.nearest_end) {
+    if (plan.mode == Mode::isosurface && plan.analytic_gradient && sums.largest > farthest_iso * sums.nearest_end) {
         return "an iso value is " + number(sums.nearest_end) + " from the end of values of up to " +
                number(sums.largest) +
                ": float32 would lose how far the surface is from a slice, and with it the gradient there";

@@ -218,6 +218,7 @@ const std::vector<Limit> of_float32{
      [](Case& c, double x) {
          make_quotients(c);
          c.scene.mode = Mode::isosurface;
+         c.scene.gradient = Gradient::analytic;
          c.scene.iso_values = {IsoValue(1.0 - 1.0 / x)};
      }},
     // Weights of 1.
@@ -489,6 +490,14 @@ const std::vector<Limit> of_gl{
      [](Case& c, double x) {
          make_analytic(c);
          set_weight_range(c, x);
+     }},
+    // Values of 0.5 to 0.7, beside 0.
+    {"nearest_end", 990, 1010,
+     [](Case& c, double x) {
+         make_analytic(c);
+         c.scene.mode = Mode::isosurface;
+         c.scene.fields = {ellipsoids()};
+         c.scene.iso_values = {IsoValue(0.7 - 0.7 / x)};
      }},
     // The root of 33.5 kernels at a point, times values of 1/2 from their middle, over the semi-axis in reference
     // lengths.

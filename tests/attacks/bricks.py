@@ -25,9 +25,10 @@ from attacks import Tally
 SIZE = (40, 32)
 _SHAPE = (30, 34, 28)
 _PATIENCE = 60.0
-# Seconds in which a killed worker comes back, on machines that are busy with other things too. A LocalCluster gives one
-# up for good that is away for longer than 15 s unless it is told otherwise.
-_RETURN = 600.0
+# Seconds in which a killed worker comes back, on machines that are busy with other things too. A nanny whose new
+# process ends while it starts gives up, and a LocalCluster gives up a worker that is away for longer: others are asked
+# for then.
+_AWAY, _RETURN = 30.0, 600.0
 
 
 def samples(kind: Any = np.uint8) -> Any:
@@ -44,7 +45,7 @@ def cluster(workers: int = 3) -> Iterator[Any]:
     import distributed
 
     with (
-        dask.config.set({"distributed.deploy.lost-worker-timeout": f"{_RETURN:.0f}s"}),
+        dask.config.set({"distributed.deploy.lost-worker-timeout": f"{_AWAY:.0f}s"}),
         distributed.LocalCluster(
             n_workers=workers,
             threads_per_worker=1,
@@ -96,8 +97,20 @@ def kills_of_workers(seed: int, count: int) -> Tally:
                 tally.failed(f"after {before} kills: {type(error).__name__}: {error}")
             for one in timers:
                 one.join()
-            client.wait_for_workers(3, timeout=_RETURN)
+            _refill(client, 3, tally)
     return tally
+
+
+def _refill(client: Any, count: int, tally: Tally) -> None:
+    """Wait until a cluster has as many workers again; ask for others where some were given up."""
+    ends = time.monotonic() + _RETURN
+    while len(client.scheduler_info(n_workers=-1)["workers"]) < count:
+        if time.monotonic() > ends:
+            raise TimeoutError(f"fewer than {count} workers after {_RETURN:g} s")
+        if len(client.cluster.worker_spec) < count:
+            tally.did("workers that were replaced")
+            client.cluster.scale(count)
+        time.sleep(0.2)
 
 
 def _kill_one(client: Any, share: float, tally: Tally) -> None:

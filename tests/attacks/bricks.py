@@ -107,7 +107,7 @@ def _refill(client: Any, count: int, tally: Tally) -> None:
     while len(client.scheduler_info(n_workers=-1)["workers"]) < count:
         if time.monotonic() > ends:
             raise TimeoutError(f"fewer than {count} workers after {_RETURN:g} s")
-        if len(client.cluster.worker_spec) < count:
+        if len(client.cluster.workers) < count:
             tally.did("workers that were replaced")
             client.cluster.scale(count)
         time.sleep(0.2)

@@ -101,10 +101,10 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
     if (scene.sampling == Sampling::slab && !plan.filter && view.slabs.thickest > limits::thickest_slab) {
         return "a slab is " + number(view.slabs.thickest) + " times as thick as half a kernel";
     }
-    if (scene.sampling == Sampling::slab && lights_quotients(plan) &&
+    if (scene.sampling == Sampling::slab &&
         sums.weight_range * std::max(1.0, sums.ratio) > limits::widest_weights_in_slabs) {
         return "weights of up to " + number(sums.weight_range) +
-               " times w0: where these are w0, light would show the rounding of float32 means over slabs";
+               " times w0: where these are w0, the rounding of float32 means over slabs would show";
     }
     if (plan.mode == Mode::isosurface && plan.analytic_gradient && sums.largest > farthest_iso * sums.nearest_end) {
         return "an iso value is " + number(sums.nearest_end) + " from the end of values of up to " +
@@ -213,11 +213,11 @@ void refuse_beyond_float64(const Scene& scene, const ViewFacts& view, const Draw
         refuse("sums of weights, or of weighted values over what is resolved, of up to " + number(sums.sum),
                "at most " + number(limits::largest_sum_float64), "scale the values or the weights");
     }
-    if (scene.sampling == Sampling::slab && lights_quotients(plan) &&
+    if (scene.sampling == Sampling::slab &&
         sums.weight_range * std::max(1.0, sums.ratio) > limits::widest_weights_in_slabs_float64) {
-        refuse("lit means over slabs with weights of up to " + number(sums.weight_range) + " times w0",
+        refuse("means over slabs with weights of up to " + number(sums.weight_range) + " times w0",
                "at most " + number(limits::widest_weights_in_slabs_float64 / std::max(1.0, sums.ratio)) + " times",
-               "use a larger " + option_ref("w0") + ", leave out " + option_ref("sampling", "slab") + " or the lights");
+               "use a larger " + option_ref("w0") + ", or leave out " + option_ref("sampling", "slab"));
     }
     const bool lit = lights_quotients(plan) && sums.ratio > limits::largest_lit_ratio_float64;
     const double error = picture_error(sums, float64_epsilon);

@@ -25,7 +25,7 @@ constexpr double largest_px = 1e6;
 /// Slab thickness over half-depth: beyond, differences of erf lose what a thin kernel adds.
 constexpr double thickest_slab = 100.0;
 /// Largest weight over w0, times values over what is resolved, where means over slabs are divided: differences
-/// of erf are known to 1e-7 of 1, however small. Seen were 4e-7 (P99.9) times it, 3.8e-4 at the most.
+/// of erf are known to 1e-7 of 1, however small. Seen were 4e-7 (P99.9) times it at 600.
 constexpr double widest_weights_in_slabs = 300.0;
 /// The profile exp(-k r^2) - exp(-k) is a difference of nearly equal numbers: at 0.07 and 0.2 seen at the bound.
 constexpr double least_falloff = 0.5;

@@ -177,13 +177,13 @@ def named_tests(comment: str) -> list[str]:
 
 @cache
 def cases() -> dict[str, set[str]]:
-    """Return the C++ tests, and the names of the cases of those in test_limits.cpp."""
+    """Return the C++ tests, and the names of the cases of those in test_limits_*.cpp."""
     found: dict[str, set[str]] = {}
     for path in (CLONE / "tests/cpp").rglob("*.cpp"):
         text = path.read_text(encoding="utf-8")
         for suite, name in re.findall(r"^TEST(?:_F|_P)?\((\w+), (\w+)\)", text, re.MULTILINE):
             found.setdefault(f"{suite}.{name}", set())
-    text = (CLONE / "tests/cpp/plan/test_limits.cpp").read_text(encoding="utf-8")
+    text = "".join(path.read_text(encoding="utf-8") for path in (CLONE / "tests/cpp/plan").glob("test_limits_*.cpp"))
     for suite, table in re.findall(r"SUITE_P\(Limits, (\w+), testing::ValuesIn\((\w+)\)", text):
         rows = text.split(f"std::vector<Limit> {table}{{")[1].split("\n};")[0]
         for name in found:

@@ -58,6 +58,15 @@ bool sums_go_beyond(const Scene& scene) {
                        [](const auto& field) { return field->normalization() != Normalization::lattice; });
 }
 
+/// What float32 makes of quotients of the kernels' own derivatives where rho is the same all around, over its rounding:
+/// values from their pivots over what is resolved (ratio), times the root of the kernels at a point, times the
+/// reference length over the shortest semi-axis.
+double noise_of_derivatives(const ViewFacts& view, const SumFacts& sums, double ratio) {
+    const double axis = view.screen_px.smallest * view.frame.smallest_pixel;
+    const double crowd = std::max(sums.overlap, view.overlap.densest);
+    return ratio * std::sqrt(crowd) * std::max(1.0, view.frame.reference_length / axis);
+}
+
 /// What float32 loses of gradients of quotients that are near their kernels' ends, or far magnified. ratio: of values
 /// over what is resolved.
 void check_quotients(const ViewFacts& view, const DrawPlan& plan, const SumFacts& facts, double ratio) {
@@ -302,6 +311,12 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
         check_quotients(view, plan, facts, lit_ratio);
     }
     check_crowds(view, plan, lit_quotient, ratio);
+    if (weights_in_slabs(plan.sampling, facts) > widest_weights_in_slabs) {
+        refuse_sheets("means over slabs with weights of up to " + number(weight_range) + " times w0",
+                      "at most " + number(widest_weights_in_slabs / std::max(1.0, ratio)) + " times",
+                      "use a larger " + option_ref("w0") + ", leave out " + option_ref("sampling", "slab") +
+                          " or use " + option_ref("backend", "cpu"));
+    }
     const double measure = plan.mode == Mode::xray ? view.frame.slice_spacing : 1.0;
     const double seen = is_scalar(plan.mode) ? std::max(1.0, measure * view.slabs.ellipsoids.peak) : resolved;
     if (plan.sampling == Sampling::slab && !plan.filter &&

@@ -216,10 +216,8 @@ double ratio_from_pivots(const Scene& scene, const DrawPlan& plan, double resolv
     return ratio;
 }
 
-double noise_of_derivatives(const ViewFacts& view, const SumFacts& sums, double ratio) {
-    const double axis = view.screen_px.smallest * view.frame.smallest_pixel;
-    const double crowd = std::max(sums.overlap, view.overlap.densest);
-    return ratio * std::sqrt(crowd) * std::max(1.0, view.frame.reference_length / axis);
+double weights_in_slabs(Sampling sampling, const SumFacts& sums) {
+    return sampling == Sampling::slab ? sums.weight_range * std::max(1.0, sums.ratio) : 0.0;
 }
 
 bool intervals_may_be_empty(const Scene& scene, const SumFacts& sums, const DrawPlan& plan) {

@@ -30,10 +30,9 @@ SumFacts sum_facts(const Scene& scene, const ViewFacts& view, const DrawPlan& pl
 /// transfer function classifies all fields; else it follows from each group's.
 double ratio_from_pivots(const Scene& scene, const DrawPlan& plan, double resolved);
 
-/// What float32 makes of quotients of the kernels' own derivatives where rho is the same all around, over its rounding:
-/// values from their pivots over what is resolved (ratio), times the root of the kernels at a point, times the
-/// reference length over the shortest semi-axis.
-double noise_of_derivatives(const ViewFacts& view, const SumFacts& sums, double ratio);
+/// Largest weight over w0, times values over what is resolved, where means over slabs are divided; 0 elsewhere. The
+/// means are differences, known to the rounding of 1 however small they are.
+double weights_in_slabs(Sampling sampling, const SumFacts& sums);
 
 /// Whether an interval that is empty must be distinguished from one whose ends are 0: where clipping leaves one end of
 /// an interval, which shows only if a kernel reaches it, and where the cubic of second order is not 0 between two ends

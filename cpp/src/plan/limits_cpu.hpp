@@ -24,8 +24,7 @@ constexpr double few_overlaps = 3.0, sphere_aspect = 1.001, gentle_steepness = 1
 constexpr double largest_px = 1e6;
 /// Slab thickness over half-depth: beyond, differences of erf lose what a thin kernel adds.
 constexpr double thickest_slab = 100.0;
-/// Largest weight over w0, times values over what is resolved, where means over slabs are divided: differences
-/// of erf are known to 1e-7 of 1, however small. Seen were 4e-7 (P99.9) times it at 600.
+/// weights_in_slabs: seen were 4e-7 (P99.9) times it at 600.
 constexpr double widest_weights_in_slabs = 300.0;
 /// The profile exp(-k r^2) - exp(-k) is a difference of nearly equal numbers: at 0.07 and 0.2 seen at the bound.
 constexpr double least_falloff = 0.5;
@@ -56,9 +55,8 @@ constexpr double largest_unit = 1e8;
 // ---- beyond these a scene is refused (tests: CpuFloat64.EndsAt/<name>)
 
 constexpr double largest_sum_float64 = 1e250;
-/// Largest weight over w0 where means over slabs are divided: as in float32, by the error of erf in float64.
-/// At 4e16 and 2e18 seen at 3e-3 and 5e-4 (P99.9).
-constexpr double widest_weights_in_slabs_float64 = 1e11;
+/// The same share of the digits as in float32. At 4e16 and 2e18 seen at 3e-3 and 5e-4 (P99.9).
+constexpr double widest_weights_in_slabs_float64 = widest_weights_in_slabs * (float32_epsilon / float64_epsilon);
 constexpr double least_falloff_float64 = 1e-8;
 constexpr double steepest_falloff_float64 = 600.0;
 /// Reference length over a pixel or slice spacing: differences of float64 sums lose gradients that show.

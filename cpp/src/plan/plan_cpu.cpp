@@ -101,8 +101,7 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
     if (scene.sampling == Sampling::slab && !plan.filter && view.slabs.thickest > limits::thickest_slab) {
         return "a slab is " + number(view.slabs.thickest) + " times as thick as half a kernel";
     }
-    if (scene.sampling == Sampling::slab &&
-        sums.weight_range * std::max(1.0, sums.ratio) > limits::widest_weights_in_slabs) {
+    if (weights_in_slabs(scene.sampling, sums) > limits::widest_weights_in_slabs) {
         return "weights of up to " + number(sums.weight_range) +
                " times w0: where these are w0, the rounding of float32 means over slabs would show";
     }
@@ -213,8 +212,7 @@ void refuse_beyond_float64(const Scene& scene, const ViewFacts& view, const Draw
         refuse("sums of weights, or of weighted values over what is resolved, of up to " + number(sums.sum),
                "at most " + number(limits::largest_sum_float64), "scale the values or the weights");
     }
-    if (scene.sampling == Sampling::slab &&
-        sums.weight_range * std::max(1.0, sums.ratio) > limits::widest_weights_in_slabs_float64) {
+    if (weights_in_slabs(scene.sampling, sums) > limits::widest_weights_in_slabs_float64) {
         refuse("means over slabs with weights of up to " + number(sums.weight_range) + " times w0",
                "at most " + number(limits::widest_weights_in_slabs_float64 / std::max(1.0, sums.ratio)) + " times",
                "use a larger " + option_ref("w0") + ", or leave out " + option_ref("sampling", "slab"));

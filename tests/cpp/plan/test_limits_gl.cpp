@@ -1,0 +1,388 @@
+// Each constant of plan/limits_gl.hpp: a scene just within it and one just beyond get different plans.
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "support/limit_cases.hpp"
+
+namespace sheetsplat {
+namespace {
+
+using namespace test;
+
+// ---- backend gl: refused beyond
+
+class GlRefuses : public testing::TestWithParam<Limit> {};
+
+Case ellipsoid_case() {
+    Case one = lit_case(ellipsoids());
+    one.view.kernels.ellipsoids = true;
+    one.view.kernels.most_ellipsoids = 2;
+    one.view.kernels.all = 2;
+    one.view.shapes.largest_aspect = 4.0;
+    one.view.screen_px.largest_lattice = 0.0;
+    one.view.screen_px.smallest = 4.0;
+    one.view.overlap.typical = 5.0;
+    return one;
+}
+
+TEST_P(GlRefuses, Beyond) {
+    Case one = ellipsoid_case();
+    GetParam().set(one, GetParam().within);
+    EXPECT_FALSE(one.refused(Backend::gl));
+    one = ellipsoid_case();
+    GetParam().set(one, GetParam().beyond);
+    EXPECT_TRUE(one.refused(Backend::gl));
+}
+
+void make_old(Case& one) {
+    one.device.version = "3.3";
+    one.device.version_major = one.device.version_minor = 3;
+}
+void make_papers(Case& one) {
+    make_unlit(one);
+    one.options.effects = {{"paper_slicing", true}};
+}
+/// Lit by splatted differences: `pixels` of them to a reference length.
+void make_close(Case& one, double pixels) {
+    one.view.frame.smallest_pixel = one.view.frame.largest_pixel = one.view.frame.reference_length / pixels;
+}
+void make_analytic(Case& one) { one.scene.gradient = Gradient::analytic; }
+void make_surface(Case& one) {
+    one.scene.mode = Mode::isosurface;
+    one.scene.iso_values = {0.1};
+}
+/// Values are no larger than what is resolved: the window, or at isosurfaces their spread.
+void set_weight_range(Case& one, double range) {
+    const double offset = one.scene.mode == Mode::isosurface ? -0.5 : 0.0;
+    one.scene.fields = {ellipsoids(1.0 / range, 1.0, 1.0, 5.0, offset)};
+}
+
+const std::vector<Limit> of_gl{
+    {"lights", 64, 65, [](Case& c, double x) { c.scene.lights.resize(static_cast<std::size_t>(x)); }},
+    {"groups", 16, 17,
+     [](Case& c, double x) {
+         const auto groups = static_cast<std::size_t>(x);
+         c.scene.fields.assign(groups, c.scene.fields.front());
+         for (std::size_t first = 1; first < groups; ++first) {
+             c.scene.later_groups.push_back({first, c.scene.transfer_function});
+         }
+     }},
+    {"surfaces", 32, 33,
+     [](Case& c, double x) {
+         make_surface(c);
+         c.scene.iso_values.assign(static_cast<std::size_t>(x), 0.1);
+     }},
+    {"counted_falloff", 79, 81,
+     [](Case& c, double x) {
+         c.scene.mode = Mode::average;
+         c.scene.fields = {ellipsoids(1.0, 1.0, 1.0, x)};
+     }},
+    {"shadowing_lights", 16, 17,
+     [](Case& c, double x) {
+         c.scene.shadows = true;
+         c.scene.lights.resize(static_cast<std::size_t>(x));
+     }},
+    {"light_elements", 64 << 20, (64 << 20) - 1,
+     [](Case& c, double x) {
+         c.scene.shadows = true;
+         c.device.max_buffer_texels = static_cast<int>(x);
+     }},
+    {"imprecise_slices", 1 << 17, (1 << 17) + 1,
+     [](Case& c, double x) {
+         make_old(c);
+         make_unlit(c);
+         c.view.frame.slices = static_cast<std::int64_t>(x);
+     }},
+    {"falloff", 0.0505, 0.0495, [](Case& c, double x) { c.view.shapes.smallest_falloff = x; }},
+    {"sum", 0.99e36, 1.01e36,
+     [](Case& c, double x) {
+         make_unlit(c);
+         c.scene.fields = {ellipsoids(x, x / 33.5)};
+     }},
+    {"divisor", 1.01e-22, 0.99e-22,
+     [](Case& c, double x) {
+         make_unlit(c);
+         c.scene.fields = {ellipsoids(x, x)};
+     }},
+    {"plain_aspect", 32500, 33000,
+     [](Case& c, double x) {
+         make_old(c);
+         c.view.shapes.largest_aspect = x;
+     }},
+    {"plain_px", 1.01e-4, 0.99e-4,
+     [](Case& c, double x) {
+         make_old(c);
+         c.view.screen_px.smallest_ellipsoid = x;
+     }},
+    {"paper_falloff", 31.8, 32.2,
+     [](Case& c, double x) {
+         make_papers(c);
+         c.scene.fields = {ellipsoids(1.0, 1.0, 1.0, x)};
+     }},
+    {"paper_aspect", 1020, 1030,
+     [](Case& c, double x) {
+         make_papers(c);
+         c.view.shapes.largest_aspect = x;
+     }},
+    {"paper_extent", 2040, 2060,
+     [](Case& c, double x) {
+         make_papers(c);
+         c.scene.fields = {ellipsoids(1.0, 1.0, 2.0 * 0.5 * x)};
+     }},
+    {"paper_extent_in_float32", 510, 515,
+     [](Case& c, double x) {
+         make_papers(c);
+         make_old(c);
+         c.scene.fields = {ellipsoids(1.0, 1.0, 2.0 * 0.5 * x)};
+     }},
+    {"paper_px", 0.99e7, 1.01e7,
+     [](Case& c, double x) {
+         make_papers(c);
+         c.view.screen_px.largest_ellipsoid_at_unit = x;
+     }},
+    {"alike_lit", 990, 1010, [](Case& c, double x) { c.view.overlap.alike = x; }},
+    {"fine_alike_factor", 99, 101,
+     [](Case& c, double x) {
+         c.options.effects = {{"fine_gradient", true}};
+         c.view.overlap.alike = x;
+     }},
+    {"least_alike", 63.5, 64.5,
+     [](Case& c, double x) {
+         c.scene.fields = {ellipsoids(1.0, 1.0, 1.0, 5.0, 19.5)};
+         c.scene.transfer_function = ramp(0.01, 0.01, 19.5);
+         c.view.overlap.alike = x;
+     }},
+    {"alike_unlit", 0.99e5, 1.01e5,
+     [](Case& c, double x) {
+         make_unlit(c);
+         c.view.overlap.alike = x;
+     }},
+    {"densest_lit", 1.98e5, 2.02e5, [](Case& c, double x) { c.view.overlap.densest = x; }},
+    {"lit_ratio", 39.5, 40.5,
+     [](Case& c, double x) {
+         EllipsoidArrays arrays;
+         arrays.centers = {Vec3(0.0), Vec3(1.0, 0.0, 0.0)};
+         arrays.radii = {1.0, 1.0};
+         arrays.values = {-x, x};
+         c.scene.fields = {std::make_shared<EllipsoidField>(std::move(arrays))};
+     }},
+    {"full_gradient", 2.02e-4, 1.98e-4,
+     [](Case& c, double x) {
+         make_unlit(c);
+         c.scene.gradient_opacity = x;
+     }},
+    {"differences_gentle", 49.5, 50.5,
+     [](Case& c, double x) {
+         make_close(c, 10.0);
+         set_weight_range(c, x);
+     }},
+    {"differences_steep", 693, 707,
+     [](Case& c, double x) {
+         make_close(c, 10.0);
+         c.scene.transfer_function = ramp(20.0, 0.2);
+         set_weight_range(c, x);
+     }},
+    {"derivatives_gentle", 99, 101,
+     [](Case& c, double x) {
+         make_analytic(c);
+         set_weight_range(c, x);
+     }},
+    // Values of 0.5 to 0.7, beside 0.
+    {"nearest_end", 990, 1010,
+     [](Case& c, double x) {
+         make_analytic(c);
+         c.scene.mode = Mode::isosurface;
+         c.scene.fields = {ellipsoids()};
+         c.scene.iso_values = {IsoValue(0.7 - 0.7 / x)};
+     }},
+    // The root of 33.5 kernels at a point, times values of 1/2 from their middle, over the semi-axis in reference
+    // lengths.
+    {"noise_of_derivatives", 34.7, 35.3,
+     [](Case& c, double x) {
+         make_quotients(c);
+         make_analytic(c);
+         c.view.screen_px.smallest = 0.5 * std::sqrt(33.5) / x;
+     }},
+    {"derived_aspect", 63, 65,
+     [](Case& c, double x) {
+         make_analytic(c);
+         c.scene.fields = {ellipsoids()};
+         c.view.shapes.largest_aspect = x;
+     }},
+    {"derivatives_steep", 9900, 10100,
+     [](Case& c, double x) {
+         make_analytic(c);
+         c.scene.transfer_function = ramp(20.0, 0.2);
+         set_weight_range(c, x);
+     }},
+    {"gentle_steepness", 10.1, 9.9,
+     [](Case& c, double x) {
+         make_close(c, 10.0);
+         c.scene.transfer_function = ramp(x, 0.2);
+         set_weight_range(c, 300.0);
+     }},
+    {"gentle_pixels", 101, 99,
+     [](Case& c, double x) {
+         make_close(c, x);
+         set_weight_range(c, 300.0);
+     }},
+    {"isosurface_gentle", 2.97e4, 3.03e4,
+     [](Case& c, double x) {
+         make_surface(c);
+         make_close(c, 10.0);
+         set_weight_range(c, x);
+     }},
+    {"isosurface_steep", 0.99e5, 1.01e5,
+     [](Case& c, double x) {
+         make_surface(c);
+         make_close(c, 150.0);
+         set_weight_range(c, x);
+     }},
+    // 3e4 over the square of 250 reference lengths over 100.
+    {"magnified_isosurface", 4750, 4850,
+     [](Case& c, double x) {
+         make_surface(c);
+         make_close(c, 1000.0);
+         set_weight_range(c, x);
+     }},
+    {"isosurface_of_derivatives", 19.8, 20.2,
+     [](Case& c, double x) {
+         make_surface(c);
+         make_analytic(c);
+         make_close(c, 10.0);
+         set_weight_range(c, x);
+     }},
+    {"by_semi_axis_gentle", 39.6, 40.4,
+     [](Case& c, double x) {
+         make_surface(c);
+         make_analytic(c);
+         make_close(c, 10.0);
+         c.view.screen_px.smallest = 10.0;
+         set_weight_range(c, x);
+     }},
+    {"by_semi_axis_steep", 990, 1010,
+     [](Case& c, double x) {
+         make_surface(c);
+         make_analytic(c);
+         make_close(c, 150.0);
+         c.view.screen_px.smallest = 150.0;
+         set_weight_range(c, x);
+     }},
+    // 25,000 over the root of 1,000 kernels.
+    {"magnified_quotients", 783, 798,
+     [](Case& c, double x) {
+         make_close(c, x);
+         c.view.overlap.densest = 1000.0;
+         c.view.frame.slices = 1000;
+         c.view.screen_px.smallest = 1.0;
+     }},
+    // Weights of 1.
+    {"weights_in_slabs", 2.97e5, 3.03e5,
+     [](Case& c, double x) {
+         make_unlit(c);
+         c.scene.fields = {ellipsoids(1.0 / x)};
+         c.scene.sampling = Sampling::slab;
+     }},
+    {"place", 3.88e-3, 3.8e-3, [](Case& c, double x) { c.view.screen_px.largest_lattice = x; }},
+    {"splat_px", 0.99e12, 1.01e12, [](Case& c, double x) { c.view.screen_px.largest_lattice = x; }},
+    {"ellipsoid_px", 0.99e12, 1.01e12, [](Case& c, double x) { c.view.screen_px.largest_ellipsoid_at_unit = x; }},
+    {"deep_px", 0.99e15, 1.01e15,
+     [](Case& c, double x) {
+         c.projection = Projection::perspective;
+         c.view.screen_px.largest_ellipsoid_at_unit = x;
+     }},
+};
+INSTANTIATE_TEST_SUITE_P(Limits, GlRefuses, testing::ValuesIn(of_gl), name_of);
+
+// ---- backend gl: sheets of 16 bits
+
+class GlFloat16 : public testing::TestWithParam<Limit> {};
+
+TEST_P(GlFloat16, EndsAt) {
+    const auto precision = [&](double number) {
+        Case one = ellipsoid_case();
+        make_unlit(one);
+        GetParam().set(one, number);
+        return one.plan(Backend::gl).precision;
+    };
+    EXPECT_EQ(precision(GetParam().within), Precision::float16);
+    EXPECT_EQ(precision(GetParam().beyond), Precision::float32);
+}
+
+const std::vector<Limit> of_float16{
+    {"scale", 0.101, 0.099, [](Case& c, double x) { c.scene.fields = {ellipsoids(x, x)}; }},
+    {"sum", 5.9e4, 6.1e4, [](Case& c, double x) { c.scene.fields = {ellipsoids(1.0, x / 33.5)}; }},
+    // The root of 2 x kernels over 4096, times values up to 0.7, against 1 / 510.
+    {"bound", 65.0, 66.8, [](Case& c, double x) { c.view.overlap.densest = x; }},
+    // The root of 20 kernels over 4096, times values up to 0.7 and the slope, against 1 / 85.
+    {"worst", 15.2, 15.6,
+     [](Case& c, double x) {
+         c.view.overlap.densest = 10.0;
+         c.scene.transfer_function = ramp(x, 0.1);
+     }},
+};
+INSTANTIATE_TEST_SUITE_P(Limits, GlFloat16, testing::ValuesIn(of_float16), name_of);
+
+// ---- backend gl: ways of drawing
+
+TEST(GlChooses, PreciseFrom) {
+    Case one = ellipsoid_case();
+    const auto precise = [&] { return one.plan(Backend::gl).summary.has("precise_sections"); };
+    one.view.shapes.largest_aspect = 4090.0;
+    EXPECT_FALSE(precise());
+    one.view.shapes.largest_aspect = 4100.0;
+    EXPECT_TRUE(precise());
+    one = ellipsoid_case();
+    one.view.screen_px.smallest_ellipsoid = 1.01e-2;
+    EXPECT_FALSE(precise());
+    one.view.screen_px.smallest_ellipsoid = 0.99e-2;
+    EXPECT_TRUE(precise());
+}
+
+TEST(GlChooses, ResidentUpTo) {
+    Case one = ellipsoid_case();
+    const auto resident = [&] { return one.plan(Backend::gl).resident_sections; };
+    one.view.shapes.largest_aspect = 1020.0;
+    EXPECT_TRUE(resident());
+    one.view.shapes.largest_aspect = 1030.0;
+    EXPECT_FALSE(resident());
+    one = ellipsoid_case();
+    one.view.kernels.most_ellipsoids = 1U << 20;
+    EXPECT_TRUE(resident());
+    ++one.view.kernels.most_ellipsoids;
+    EXPECT_FALSE(resident());
+}
+
+TEST(GlChooses, SeparableUpTo) {
+    Case one = lit_case();
+    one.view.screen_px.largest_lattice = 0.99e6;
+    EXPECT_TRUE(one.plan(Backend::gl).separable);
+    one.view.screen_px.largest_lattice = 1.01e6;
+    EXPECT_FALSE(one.plan(Backend::gl).separable);
+}
+
+TEST(GlChooses, CountsFromTheMiddleFrom) {
+    for (const auto& [ratio, apart] : {std::pair{1.95, false}, std::pair{2.05, true}}) {
+        Case one = ellipsoid_case();
+        one.scene.fields = {ellipsoids(1.0, 1.0, 1.0, 5.0, ratio - 0.7)};
+        one.scene.transfer_function = ramp(0.01, 0.01, ratio - 0.7);
+        EXPECT_EQ(!one.plan(Backend::gl).own_sheets.empty(), apart) << ratio;
+    }
+}
+
+TEST(GlChooses, EliminationInSoftwareWhereOpaqueWithinSixteenSlices) {
+    // 1 - (1 - 0.2169)^16 is A_stop, 0.98.
+    for (const auto& [opacity, eliminates] : {std::pair{0.215, false}, std::pair{0.219, true}}) {
+        Case one = lit_case();
+        one.device.software = true;
+        one.view.frame.slices = 1000;
+        one.scene.transfer_function = ramp(opacity, opacity);
+        EXPECT_EQ(one.plan(Backend::gl).elimination, eliminates) << opacity;
+    }
+}
+
+} // namespace
+} // namespace sheetsplat

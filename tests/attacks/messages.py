@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from attacks import Tally
+from attacks.changes import CHANGES
 from attacks.values import deep, json_leaf, json_value
 from sheetsplat.viewer.data import Shown
 from sheetsplat.viewer.protocol import LONGEST
@@ -25,36 +26,6 @@ _ALIVE, _REST = 1000, 40
 # Messages that may wait in a session, and frames and answers on their way to a page, whatever is sent.
 MOST_WAITING = 1000
 
-_CAMERA = {"kind": "perspective", "eye": [40, 7, 9], "target": [7, 7, 7], "up": [0, 0, 1], "fov_y": 35}
-_CHANGES: dict[str, Any] = {
-    "camera": _CAMERA,
-    "mode": "isosurface",
-    "quality": "draft",
-    "choice": 1,
-    "time": 0,
-    "automatic": True,
-    "material": {"ambient": 0.5, "diffuse": 0.2, "specular": 0.9, "shininess": 9, "two_sided": False},
-    "lights": [{"direction": [1, 0, 0], "color": [1, 0.5, 0], "space": "world"}],
-    "clip": {"planes": [[[1, 0, 0], 6.0]], "box": [[0, 0, 0], [13, 13, 9]]},
-    "depth_cue": {"strength": 0.5, "color": "#204060"},
-    "ambient_occlusion": {"radius": 3, "strength": 0.7},
-    "gradient_opacity": 20.0,
-    "background": "#336699",
-    "backdrop": [0.1, 0.2, 0.3],
-    "shadows": True,
-    "surfaces": [{"value": 40, "opacity": 0.5, "color": "#ff0000"}, {"value": 60}],
-    "scalar_colors": {"cmap": "magma", "clim": [0, 50], "log": False},
-    "max_error": 0.01,
-    "max_seconds": 0.5,
-    "effects": {"opacity_correction": False, "elimination": True},
-    "look": {"group": 0, "opacity": [[10, 0], [60, 0.4], [90, 0.1]], "colors": [[0, 1, 0, 0], [90, 0, 0, 1]]},
-}
-_LOOKS: tuple[dict[str, Any], ...] = (
-    {"group": 0, "preset": "ct_bone"},
-    {"group": 0, "cmap": "magma", "range": [0, 90]},
-    {"group": 0, "word": "isolayers:4"},
-    {"group": 0, "automatic": True},
-)
 _ASKED: tuple[dict[str, Any], ...] = (
     {"type": "hello", "width": 32, "height": 24},
     {"type": "size", "width": 20, "height": 30},
@@ -77,10 +48,8 @@ def good(rng: random.Random) -> dict[str, Any]:
     """Return a message as a page sends it."""
     if rng.random() < 0.25:
         return copy.deepcopy(rng.choice(_ASKED))
-    names = rng.sample(sorted(_CHANGES), rng.choice((1, 1, 1, 2, 5)))
-    changes = {name: copy.deepcopy(_CHANGES[name]) for name in names}
-    if "look" in changes and rng.random() < 0.5:
-        changes["look"] = copy.deepcopy(rng.choice(_LOOKS))
+    names = rng.sample(sorted(CHANGES), rng.choice((1, 1, 1, 2, 5)))
+    changes = {name: copy.deepcopy(rng.choice(CHANGES[name])) for name in names}
     if "camera" in changes and rng.random() < 0.7:
         changes["camera"]["eye"] = [rng.uniform(-60, 60) for _ in range(3)]
     return {"type": "set", "changes": changes}
@@ -240,7 +209,7 @@ def messages(seed: int, count: int) -> Tally:
                     before = page.last_frame
                     session.receive(page.client, {"type": "size", "width": SIZE[0], "height": SIZE[1]})
                     session.receive(page.client, {"type": "set", "changes": {"automatic": True, "mode": "composite"}})
-                    session.receive(page.client, {"type": "set", "changes": {"camera": _CAMERA}})
+                    session.receive(page.client, {"type": "set", "changes": {"camera": CHANGES["camera"][0]}})
                     if not page.wait(before):
                         tally.failed(f"no picture any more after {recent!r}"[:5000])
                         break

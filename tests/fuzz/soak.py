@@ -20,6 +20,7 @@ import sweep_scenes
 from numpy.typing import NDArray
 
 import sheetsplat as ss
+from attacks.changes import CHANGES
 from fuzz.cases import Case
 from fuzz.limits import resident
 from fuzz.part import RIGHT, Outcome, Part
@@ -81,37 +82,8 @@ _VALUES: list[Any] = [
     *("#336699", "good", "best", "isosurface", "bone", "ct_bone", "sigmoid", {"group": 0}, {"strength": 0.5}),
 ]
 # What pages send, beside what they never would.
-_CHANGES: dict[str, list[Any]] = {
-    "mode": ["composite", "isosurface", "xray", "mip", "minimum", "average"],
-    "quality": ["draft", "good"],
-    "time": [0, 1],
-    "choice": [0, 1],
-    "automatic": [True],
-    "camera": [
-        {"kind": "perspective", "eye": [40, 7, 9], "target": [7, 7, 7], "up": [0, 0, 1], "fov_y": 35},
-        {"kind": "orthographic", "eye": [40, 7, 9], "target": [7, 7, 7], "up": [0, 0, 1], "height": 20},
-    ],
-    "material": [{"ambient": 0.5, "diffuse": 0.2, "specular": 0.9, "shininess": 9, "two_sided": False}],
-    "lights": [[{"direction": [1, 0, 0], "color": [1, 0.5, 0], "space": "world"}], []],
-    "clip": [{"planes": [[[1, 0, 0], 6.0]], "box": [[0, 0, 0], [13, 13, 9]]}, {"planes": []}],
-    "depth_cue": [{"strength": 0.5, "color": "#204060"}],
-    "ambient_occlusion": [{"radius": 3, "strength": 0.7}],
-    "gradient_opacity": [20.0],
-    "background": ["#336699"],
-    "shadows": [True, False],
-    "surfaces": [[[50.0, 1.0, "#ff0000"]], [{"value": 50.0, "opacity": 0.5}]],
-    "look": [
-        {"group": 0, "opacity": [[10, 0], [60, 0.4], [90, 0.1]]},
-        {"group": 0, "cmap": "magma"},
-        {"group": 0, "preset": "ct_bone"},
-        {"group": 0, "word": "sigmoid", "range": [10, 80]},
-        {"group": 0, "automatic": True},
-    ],
-    "effects": [{"elimination": False}, {}],
-    "settings": [{"threads": 1}],
-}
 _MESSAGES: dict[str, Callable[[Random], dict[str, Any]]] = {
-    "set": lambda rng: {"changes": {name: rng.choice(_CHANGES[name]) for name in rng.sample(list(_CHANGES), 2)}},
+    "set": lambda rng: {"changes": {name: rng.choice(CHANGES[name]) for name in rng.sample(list(CHANGES), 2)}},
     "size": lambda rng: {"width": rng.randint(1, 60), "height": rng.randint(1, 60)},
     "hello": lambda rng: {"width": rng.randint(1, 60), "height": rng.randint(1, 60)},
     "drawn": lambda rng: {"number": rng.choice([0, 1, 2**50])},

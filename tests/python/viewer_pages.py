@@ -9,6 +9,7 @@ from contextlib import contextmanager
 import numpy as np
 from PIL import Image as Pillow
 
+from attacks import changes
 from sheetsplat.viewer.data import Shown
 from sheetsplat.viewer.session import Session
 
@@ -85,18 +86,9 @@ def picture_of(message, payload):
     return made
 
 
-CHANGES = {
-    "camera": {"kind": "perspective", "eye": [40, 7, 9], "target": [7, 7, 7], "up": [0, 0, 1], "fov_y": 35},
-    "material": {"ambient": 0.5, "diffuse": 0.2, "specular": 0.9, "shininess": 9, "two_sided": False},
-    "lights": [{"direction": [1, 0, 0], "color": [1, 0.5, 0], "space": "world"}],
-    "clip": {"planes": [[[1, 0, 0], 6.0]], "box": [[0, 0, 0], [13, 13, 9]]},
-    "depth_cue": {"strength": 0.5, "color": "#204060"},
-    "ambient_occlusion": {"radius": 3, "strength": 0.7},
-    "gradient_opacity": 20.0,
-    "background": "#336699",
-    "shadows": True,
-    "look": {"group": 0, "opacity": [[10, 0], [60, 0.4], [90, 0.1]]},
-}
+#: Those that change the composited picture of one field, a value each.
+_SEEN = ("camera", "material", "lights", "clip", "depth_cue", "ambient_occlusion", "gradient_opacity", "background")
+CHANGES = {name: changes.CHANGES[name][0] for name in (*_SEEN, "shadows", "look")}
 
 
 def made_by(code, data, **options):

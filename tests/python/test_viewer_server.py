@@ -235,3 +235,14 @@ def test_the_command_says_what_all_addresses_mean(tmp_path, monkeypatch, host):
     assert "http://127.0.0.1:" in told
     meant = "warning: the page is served at 0.0.0.0: everybody who can reach this machine and knows the link sees"
     assert (meant in told) == (host == "0.0.0.0")
+
+
+@pytest.mark.parametrize("place", ["open_browser", "wait"])
+def test_ctrl_c_ends_the_command_wherever_it_is(tmp_path, monkeypatch, place):
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    np.save(tmp_path / "a.npy", VALUES)
+    monkeypatch.setattr(ss.Viewer, "open_browser", lambda self: True)
+    monkeypatch.setattr(ss.Viewer, place, interrupted)
+    assert "Aborted" not in run("view", tmp_path / "a.npy", "--backend", "cpu").output

@@ -27,6 +27,10 @@ files are shown one by one, each with its own look.
 The link of the page is printed on stdout. It works as long as the command runs; Ctrl-C ends it. All options say what
 the page shows first.
 """
+_ANYWHERE = (
+    "warning: the page is served at {host}: everybody who can reach this machine and knows the link sees the data and "
+    "can change the picture; the link goes through the network unencrypted"
+)
 
 
 @click.command("view", help=_HELP, cls=GroupedCommand)
@@ -79,13 +83,13 @@ def command(
             else:
                 viewer = view(times=shown, **page, **given)
         ends.enter_context(viewer)
-        click.echo(viewer.url)
-        if not is_loopback(host):
-            tell(
-                f"warning: the page is served at {host}: everybody who can reach this machine and knows the link sees "
-                "the data and can change the picture; the link goes through the network unencrypted"
-            )
-        if browser and not viewer.open_browser():
-            say("no browser was found; open the link in one", quiet=quiet)
-        say("Ctrl-C ends the viewer", quiet=quiet)
-        viewer.wait()
+        link = viewer.url
+        # From the link on, Ctrl-C is how the viewer ends.
+        with contextlib.suppress(KeyboardInterrupt):
+            click.echo(link)
+            if not is_loopback(host):
+                tell(_ANYWHERE.format(host=host))
+            if browser and not viewer.open_browser():
+                say("no browser was found; open the link in one", quiet=quiet)
+            say("Ctrl-C ends the viewer", quiet=quiet)
+            viewer.wait()

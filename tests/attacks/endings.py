@@ -55,47 +55,97 @@ def _page(url: str, asked: list[dict[str, Any]], closed: list[bool], begun: thre
         closed.append(ended)
 
 
+class _Viewer(subprocess.Popen[str]):
+    """`sheetsplat view` of a small volume in a folder, which takes Ctrl-C also where this program does not."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(
+            [sys.executable, "-m", "sheetsplat", "view", "v.npy", "--no-browser", "--backend", "cpu"],
+            cwd=folder,
+            env={**os.environ, "TMPDIR": str(folder / "tmp"), "PYTHONFAULTHANDLER": "1"},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            # Jobs in the background ignore Ctrl-C unless told otherwise.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # noqa: PLW1509
+        )
+
+    def link(self) -> str:
+        """Return the link that it prints."""
+        assert self.stdout is not None
+        return self.stdout.readline().strip()
+
+    def ended(self) -> tuple[str, str]:
+        """Return what it said on stderr until it ended, and "" or that it did not end; then it says where it is."""
+        try:
+            return self.communicate(timeout=_SECONDS)[1], ""
+        except subprocess.TimeoutExpired:
+            self.send_signal(signal.SIGABRT)
+            return self.communicate()[1], "does not end"
+
+
+def _with_pages(rng: random.Random, process: _Viewer, how: signal.Signals) -> tuple[list[bool], str]:
+    """Open pages, send a signal while they wait; return for each whether its line was closed, and what happened."""
+    pages, wait = rng.randrange(_MOST_PAGES), rng.choice((0.0, rng.uniform(0, 0.3), rng.uniform(0, 2)))
+    asked = [rng.choices(_ASKED, k=rng.randrange(4)) for _ in range(pages)]
+    url, closed, begun = process.link(), [], threading.Barrier(pages + 1)
+    threads = [threading.Thread(target=_page, args=(url, one, closed, begun)) for one in asked]
+    for thread in threads:
+        thread.start()
+    said = f"with {pages} pages after {wait:.2f} s"
+    try:
+        begun.wait(_SECONDS)
+        time.sleep(wait)
+    except threading.BrokenBarrierError:
+        said += ", a page did not come"
+    process.send_signal(how)
+    for thread in threads:
+        thread.join()
+    return closed, said
+
+
+# What the command may say, and how it may end. Python itself ends by the signal where it comes before the package is
+# read, or after the command has ended.
+_ENDS = {signal.SIGINT: (0,), signal.SIGTERM: (128 + signal.SIGTERM,)}
+_SAID = ("", "Ctrl-C ends the viewer")
+_EARLY_ENDS = {signal.SIGINT: (1, -signal.SIGINT), signal.SIGTERM: (128 + signal.SIGTERM, -signal.SIGTERM)}
+_TWICE_ENDS = (0, 1, -signal.SIGINT)
+
+
 def ends_of_viewers(seed: int, count: int) -> Tally:
-    """End `sheetsplat view` by a signal at random moments with pages open: all end at once, in silence."""
+    """End `sheetsplat view` by a signal at random moments, with pages open, before its link, twice: in silence."""
     tally, rng = Tally(), random.Random(seed)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "tmp").mkdir()
         z, y, x = np.mgrid[-1:1:40j, -1:1:40j, -1:1:40j]
         np.save(folder / "v.npy", np.exp(-3 * (x**2 + y**2 + z**2)).astype(np.float32))
-        command = [sys.executable, "-m", "sheetsplat", "view", "v.npy", "--no-browser", "--backend", "cpu"]
-        environment = {**os.environ, "TMPDIR": str(folder / "tmp"), "PYTHONFAULTHANDLER": "1"}
         for number in range(count):
-            how = rng.choice((signal.SIGINT, signal.SIGTERM))
-            pages, wait = rng.randrange(_MOST_PAGES), rng.choice((0.0, rng.uniform(0, 0.3), rng.uniform(0, 2)))
-            asked = [rng.choices(_ASKED, k=rng.randrange(4)) for _ in range(pages)]
-            said = f"{number}: {how.name} with {pages} pages after {wait:.2f} s"
-            # Jobs in the background ignore Ctrl-C unless told otherwise.
-            with subprocess.Popen(
-                command, cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),  # noqa: PLW1509
-            ) as process:  # fmt: skip
-                assert process.stdout is not None and process.stderr is not None
-                url, closed, begun = process.stdout.readline().strip(), [], threading.Barrier(pages + 1)
-                threads = [threading.Thread(target=_page, args=(url, one, closed, begun)) for one in asked]
-                for thread in threads:
-                    thread.start()
-                try:
-                    begun.wait(_SECONDS)
+            how, kind = rng.choice(tuple(_ENDS)), rng.choice(("pages", "pages", "early", "twice"))
+            with _Viewer(folder) as process:
+                closed: list[bool] = []
+                codes, words = _ENDS[how], _SAID
+                if kind == "early":
+                    wait = rng.uniform(0, 3)
                     time.sleep(wait)
                     process.send_signal(how)
-                    process.wait(_SECONDS)
-                except (subprocess.TimeoutExpired, threading.BrokenBarrierError) as error:
-                    tally.failed(f"{said}: {type(error).__name__}")
-                    # It says where it is.
-                    process.send_signal(signal.SIGABRT)
-                told = process.stderr.read()
-                for thread in threads:
-                    thread.join()
-            tally.did(f"viewers ended by {how.name}, code {process.returncode}")
-            tally.did("pages that were open", pages)
-            if any(word in told for word in ("Traceback", "rror", "Thread")):
-                tally.failed(f"{said}: {told[-5000:]}")
+                    said = f"{wait:.2f} s after the start"
+                    # The link may have come.
+                    codes, words = (*codes, *_EARLY_ENDS[how]), (*words, "Aborted!")
+                else:
+                    closed, said = _with_pages(rng, process, how)
+                    if kind == "twice":
+                        wait = rng.uniform(0, 0.5)
+                        time.sleep(wait)
+                        process.send_signal(signal.SIGINT)
+                        said += f", Ctrl-C {wait:.2f} s later"
+                        codes, words = (*codes, *_TWICE_ENDS), (*words, "Aborted!")
+                told, fault = process.ended()
+            said = f"{number}: {how.name} {said}"
+            tally.did(f"viewers ended by {how.name}, {kind}, code {process.returncode}")
+            tally.did("pages that were open", len(closed))
+            if fault or process.returncode not in codes or any(line.strip() not in words for line in told.splitlines()):
+                tally.failed(f"{said}: {fault} code {process.returncode}, {told[-5000:]}")
             if not all(closed):
                 tally.failed(f"{said}: {closed.count(False)} pages were not closed")
             left = [str(one) for one in (folder / "tmp").rglob("*")] + [str(one) for one in folder.glob(".*")]

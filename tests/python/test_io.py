@@ -543,6 +543,31 @@ def test_skipped_parts_have_a_budget(tmp_path, monkeypatch):
         assert np.array_equal(ss.open(path, prefilter=False).values, VALUES)
 
 
+def test_packed_samples_have_a_budget(tmp_path, monkeypatch):
+    """A few kilobytes may unpack to gigabytes, in bzip2 and in files within files; that is known before any is read."""
+    from sheetsplat.io import source
+
+    path = tmp_path / "a.nrrd"
+    nothing = bytes(1 << 22)
+    promised = nrrd_header(sizes="1500 1500 1600", encoding="bzip2").encode()
+    path.write_bytes(promised + bz2.compress(nothing) * 4)
+    began = time.process_time()
+    with pytest.raises(ss.InvalidInput, match="more than 1032 times as many as the file has"):
+        ss.open(path)
+    assert time.process_time() - began < 2.0
+    # Few bytes may repeat themselves.
+    for encoding, compress in (("bzip2", bz2.compress), ("gzip", lambda data: gzip.compress(data, 9))):
+        packed = compress(nothing)
+        path.write_bytes(nrrd_header(sizes="128 128 128", encoding=encoding).encode() + packed)
+        assert not read_volume(path).values.any()
+        monkeypatch.setattr(source, "_PACKED_SAMPLES", 0)
+        twice = tmp_path / "a.nrrd.gz"
+        twice.write_bytes(gzip.compress(path.read_bytes(), 9))
+        with pytest.raises(ss.InvalidInput, match="do not repeat themselves"):
+            ss.open(path if encoding == "bzip2" else twice)
+        monkeypatch.undo()
+
+
 def test_packed_tables_have_a_budget(tmp_path, monkeypatch):
     """No header says how many rows a table has: a small packed one that repeats itself is not read to its end."""
     from sheetsplat.io import source

@@ -30,6 +30,9 @@ _NUMBERS = re.compile("([0-9]{1,18})")
 _CHUNK = 1 << 19
 # What a packed text without a header may unpack to: tables of numbers that differ are packed to a hundredth at best.
 _UNPACKED, _REPEATED = 1 << 26, 200
+# What packed samples may unpack to, whatever packed them: files within files and bzip2 grow a million times, and a few
+# kilobytes would be read for half a minute.
+_PACKED_SAMPLES = 1 << 30
 #: Most bytes before the samples that are unpacked and thrown away: more than headers of other programs have.
 MOST_SKIPPED = 1 << 28
 
@@ -140,6 +143,7 @@ class Source(contextlib.ExitStack):
                 raise complain(f"{path} cannot be read", "no such file", "", "check the path") from None
             raise complain(f"{path} cannot be read", error.strerror or str(error), kind=Error) from None
         self.stream = _gzip(self._file) if self.packed else self._file
+        self._size = size
         self._end = size * DEFLATE_RATIO + _DEFLATE_SLACK if self.packed else size
         self.enter_context(guarded(path))
         self.callback(self._file.close)
@@ -170,6 +174,14 @@ class Source(contextlib.ExitStack):
         if self.packed and self.stream.tell() > max(_UNPACKED, _REPEATED * self._file.tell()):
             found = f"a packed text that is more than {_REPEATED} times as long as the file"
             raise complain(f"{self.path} cannot be read", found, "one that does not repeat itself", "unpack it first")
+
+    def refuse_growth(self, count: int) -> None:
+        """Raise InvalidInput where a packed file promises so many bytes of samples that they cannot differ much."""
+        if count > max(_PACKED_SAMPLES, DEFLATE_RATIO * self._size):
+            found = f"{count} bytes of samples, more than {DEFLATE_RATIO} times as many as the file has"
+            raise complain(
+                f"{self.path} cannot be read", found, "samples that do not repeat themselves", "unpack them first"
+            )
 
     def at_most(self) -> int:
         """Return an upper bound on the bytes that are left, exact for plain files."""
@@ -290,6 +302,8 @@ class Payload:
         needed = count * dtype.itemsize
         if self._bound is not None and needed > self._bound:
             raise self._short(needed, self._bound, "samples", about=not self._exact)
+        if not self._exact:
+            self._source.refuse_growth(needed)
         _memory.require(needed, f"the samples of {self._source.path}")
         values = np.empty(count, dtype)
         view = memoryview(values.view(np.uint8).data) if count else memoryview(b"")

@@ -423,6 +423,36 @@ def test_hdf5_links_and_sizes(tmp_path):
     assert np.array_equal(ss.open(tmp_path / "b.h5", name="a").values, VALUES)
 
 
+def heaps(data):
+    """Return the places of the objects in the heaps of an HDF5 file: their texts, and what is free in them."""
+    found, start = [], -1
+    while (start := data.find(b"GCOL\x01", start + 1)) >= 0:
+        at, end = start + 16, start + int.from_bytes(data[start + 8 : start + 16], "little")
+        while at + 16 <= end:
+            found.append(at)
+            size = int.from_bytes(data[at + 8 : at + 16], "little")
+            at += 16 + -(-size // 8) * 8 if any(data[at : at + 2]) else size
+    return found
+
+
+@pytest.mark.parametrize(
+    ("number", "size"), [(0, 0), (0, 8), (0, 2**64 - 16), (0, 1 << 20), (1, 2**64 - 16), (1, 2**64 - 1), (1, 1 << 20)]
+)
+def test_hdf5_heaps_that_lead_back_are_refused(tmp_path, number, size):
+    """The library goes from object to object by their sizes, for ever where one leads back; no signal ends it."""
+    whole = volumes(tmp_path / "a.h5").read_bytes()
+    places = heaps(whole)
+    assert len(places) == 2
+    for at in places:
+        data = bytearray(whole)
+        data[at : at + 2] = number.to_bytes(2, "little")
+        data[at + 8 : at + 16] = size.to_bytes(8, "little")
+        for name, content in (("b.h5", bytes(data)), ("b.h5.gz", gzip.compress(data))):
+            (tmp_path / name).write_bytes(content)
+            with pytest.raises(ss.InvalidInput, match="in a heap"):
+                ss.open(tmp_path / name)
+
+
 def test_parts_of_files_that_are_wholes(tmp_path):
     np.save(tmp_path / "a.npy", VALUES)
     with pytest.raises(ss.InvalidInput, match="the part cannot be read"):

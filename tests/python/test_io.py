@@ -608,6 +608,18 @@ def test_metaimage_says_what_its_samples_and_lengths_are(tmp_path):
         assert opened(Modality="MET_MOD_CT", **fields)[1].quantity.unit == ""
 
 
+def hdf5_of_one_chunk(path, chunk, repeated):
+    """Write a volume that is one packed chunk again and again along each axis; return the file's bytes."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "w") as file:
+        shape = tuple(repeated * size for size in chunk.shape)
+        made = file.create_dataset("v", shape, chunk.dtype, chunks=chunk.shape, compression="gzip")
+        packed = zlib.compress(chunk.tobytes())
+        for at in np.ndindex(*3 * (repeated,)):
+            made.id.write_direct_chunk(tuple(np.multiply(at, chunk.shape)), packed)
+    return path.read_bytes()
+
+
 @pytest.mark.slow
 def test_ctrl_c_stops_readers_at_once(tmp_path, rng):
     """What is read in one piece is small, whatever the file promises."""
@@ -621,6 +633,7 @@ def test_ctrl_c_stops_readers_at_once(tmp_path, rng):
     }
     for name, data in files.items():
         (tmp_path / name).write_bytes(data)
+    files["chunks.h5"] = hdf5_of_one_chunk(tmp_path / "chunks.h5", rng.integers(0, 4, (90, 90, 90), dtype=np.uint8), 10)
     # In a process of its own: an interrupt that comes too late must not reach another test.
     pairs = [str(path) for name in files for path in (_first_use(tmp_path, name), tmp_path / name)]
     done = subprocess.run([sys.executable, "-c", INTERRUPTED, *pairs], capture_output=True, text=True, timeout=240)
@@ -661,6 +674,8 @@ def _first_use(folder, name):
     path = folder / f"small-{name}"
     if name.endswith(".nrrd"):
         path.write_bytes(nrrd_header().encode() + VALUES.astype("<i2").tobytes())
+    elif name.endswith(".h5"):
+        hdf5_of_one_chunk(path, VALUES.astype(np.uint8), 1)
     elif name.endswith(".csv"):
         path.write_text("x,y,z,value,radius\n" + "".join(f"{x},{y},{z},1,1\n" for x, y, z in corners))
     else:

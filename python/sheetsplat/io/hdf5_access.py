@@ -1,12 +1,15 @@
-"""HDF5 files that are not trusted: no other file is opened, and sizes are checked before memory is taken."""
+"""HDF5 files that are not trusted.
+
+No other file is opened, sizes are checked before memory is taken, and what the library would read for ever is refused.
+"""
 
 from __future__ import annotations
 
 import io
 import math
-import struct
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, cast
 
 import h5py  # type: ignore[import-untyped, unused-ignore]
 import numpy as np
@@ -21,29 +24,119 @@ _MOST_LINKS = 16
 _MOST_ENTRIES = 10_000
 
 
-def _end_of_file(source: Source) -> int:
-    """Return the file's length according to its superblock (HDF5 file format specification, II.A)."""
+# Bytes that are read at once: Ctrl-C is seen between them.
+_CHUNK = 1 << 19
+# Global heaps, which hold texts and lists of any length (HDF5 file format specification, III.E): how one begins, and
+# the bytes of its head and of that of an object in it.
+_HEAP = b"GCOL\x01"
+_HEAD = 16
+
+
+@dataclass(frozen=True)
+class _Superblock:
+    """What the superblock says (HDF5 file format specification, II.A): the file's length, the bytes of a length."""
+
+    end: int
+    length_bytes: int
+
+
+def _superblock(source: Source) -> _Superblock:
     head = source.head(64)
-    version = head[8] if len(head) > 13 else -1
+    version = head[8] if len(head) > 14 else -1
     if version in (0, 1):
-        width, at = head[13], 24 if version == 0 else 28
+        width, lengths, at = head[13], head[14], 24 if version == 0 else 28
         at += 2 * width
     elif version in (2, 3):
-        width = head[9]
+        width, lengths = head[9], head[10]
         at = 12 + 2 * width
     else:
         raise unreadable(source.path, f"an HDF5 superblock of version {version}", "version 0, 1, 2 or 3")
-    if width not in (4, 8) or len(head) < at + width:
-        raise unreadable(source.path, f"an HDF5 superblock with offsets of {width} bytes", "offsets of 4 or 8 bytes")
-    return int(struct.unpack_from("<Q" if width == 8 else "<I", head, at)[0])
+    if not {width, lengths} <= {4, 8} or len(head) < at + width:
+        found = f"an HDF5 superblock with offsets of {width} bytes, lengths of {lengths}"
+        raise unreadable(source.path, found, "4 or 8 bytes")
+    return _Superblock(int.from_bytes(head[at : at + width], "little"), lengths)
+
+
+class _Checked(io.RawIOBase):
+    """The bytes of a file as the library reads them, global heaps with which it would go round for ever left out.
+
+    The library steps from object to object of a heap by their sizes, also by 0 and by those that lead back.
+    """
+
+    def __init__(self, path: Path, inner: BinaryIO, length_bytes: int) -> None:
+        self._path, self._inner, self._length_bytes = path, inner, length_bytes
+
+    def readable(self) -> bool:
+        """Return True."""
+        return True
+
+    def seekable(self) -> bool:
+        """Return True."""
+        return True
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        """Go to a place and return it."""
+        return self._inner.seek(offset, whence)
+
+    def tell(self) -> int:
+        """Return the place."""
+        return self._inner.tell()
+
+    def readinto(self, buffer: Any) -> int:
+        """Fill the buffer, with zeros behind the end of the file, and return the number of bytes; heaps are checked."""
+        view = memoryview(buffer).cast("B")
+        filled = self._fill(view)
+        view[filled:] = bytes(len(view) - filled)
+        if view[: len(_HEAP)] == _HEAP:
+            self._check_heap(self._inner.tell() - filled)
+        return filled
+
+    def _fill(self, view: memoryview) -> int:
+        filled = 0
+        while piece := self._inner.readinto(view[filled : filled + _CHUNK]):  # type: ignore[attr-defined]
+            filled += piece
+        return filled
+
+    def _check_heap(self, start: int) -> None:
+        """Raise InvalidInput where a step from object to object does not lead on within the heap."""
+        back = self._inner.tell()
+        end, at = start + self._numbers(start)[1], start + _HEAD
+        # What is too short for an object is free.
+        while at + _HEAD <= end:
+            number, size = self._numbers(at)
+            # An object of the number 0 is what is free, its head included.
+            step = _HEAD + -(-size // 8) * 8 if number else size
+            if not _HEAD <= step <= end - at:
+                found = f"an object of {size} bytes in a heap, at byte {at}"
+                raise unreadable(self._path, found, "objects that follow each other", "fetch it again")
+            at += step
+        self._inner.seek(back)
+
+    def _numbers(self, at: int) -> tuple[int, int]:
+        """Return the number of a heap's object, and its bytes; of a heap itself its bytes."""
+        self._inner.seek(at)
+        head = self._inner.read(_HEAD)
+        if len(head) < _HEAD:
+            raise unreadable(self._path, f"a heap that goes beyond byte {at}", "one within the file", "fetch it again")
+        return int.from_bytes(head[:2], "little"), int.from_bytes(head[8 : 8 + self._length_bytes], "little")
 
 
 def seekable(source: Source) -> Path | BinaryIO:
-    """Return the file, or the decompressed bytes of a gzipped one, at most as many as its superblock says."""
-    end = _end_of_file(source)
+    """Return the file, or the decompressed bytes of a gzipped one, at most as many as its superblock says.
+
+    For arrays of numbers alone; `checked` is for all else.
+    """
+    end = _superblock(source).end
     if not source.packed:
         return source.path
     return io.BytesIO(source.payload("raw").array(np.dtype(np.uint8), end).tobytes())
+
+
+def checked(source: Source) -> BinaryIO:
+    """Return the bytes of the file for h5py; a heap that its library would read for ever raises InvalidInput."""
+    unpacked = seekable(source)
+    inner = source.stream if isinstance(unpacked, Path) else unpacked
+    return cast(BinaryIO, _Checked(source.path, inner, _superblock(source).length_bytes))
 
 
 def inside(path: Path, start: Any, name: str, links: int = _MOST_LINKS) -> Any:

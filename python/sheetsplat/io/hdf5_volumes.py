@@ -15,7 +15,7 @@ from sheetsplat._checks import shown, triple
 from sheetsplat.errors import option_ref
 from sheetsplat.io import vtk_hdf
 from sheetsplat.io.checks import listed, printable, unreadable
-from sheetsplat.io.hdf5_access import attribute, check_stored, inside, read_dataset, seekable, walk
+from sheetsplat.io.hdf5_access import attribute, check_stored, checked, inside, read_dataset, seekable, walk
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
 from sheetsplat.quantity import Quantity
@@ -31,7 +31,7 @@ def kind_of(source: Source) -> str:
     """Return what an HDF5 file holds: "vtkhdf image", "vtkhdf", "netcdf", "volume", else "particles"."""
     if source.inner:
         return "netcdf" if source.suffix in _NETCDF_SUFFIXES else "volume"
-    with h5py.File(seekable(source), "r") as file:
+    with h5py.File(checked(source), "r") as file:
         if "_NCProperties" in file.attrs or source.suffix in _NETCDF_SUFFIXES:
             return "netcdf"
         found = vtk_hdf.kind_of(source.path, file)
@@ -54,7 +54,7 @@ def read(source: Source, name: str | None = None) -> Volume:
     Raises InvalidInput where there is none or more than one, for links to other files, and for sizes beyond what is
     stored.
     """
-    with h5py.File(seekable(source), "r") as file:
+    with h5py.File(checked(source), "r") as file:
         chosen = _chosen(source, file, name)
         values = read_dataset(source.path, chosen, str(chosen.name))
         values = values.reshape([size for size in values.shape if size > 1] if values.ndim > 3 else values.shape)
@@ -97,7 +97,7 @@ def _told(path: Path, chosen: Any, values: NDArray[Any]) -> Volume:
 
 def locate(source: Source, name: str | None = None) -> Volume:
     """Return what `read` reads without its samples: they stand for themselves by shape and type alone."""
-    with h5py.File(seekable(source), "r") as file:
+    with h5py.File(checked(source), "r") as file:
         chosen = _chosen(source, file, name)
         check_stored(source.path, chosen, str(chosen.name))
         sizes = [size for size in chosen.shape if size > 1] if chosen.ndim > 3 else list(chosen.shape)

@@ -12,7 +12,7 @@ import h5py  # type: ignore[import-untyped, unused-ignore]
 import numpy as np
 
 from sheetsplat import _memory
-from sheetsplat.io.hdf5_access import seekable, walk
+from sheetsplat.io.hdf5_access import checked, walk
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
 from sheetsplat.io.xarray_data import one_step, read_array, steps_of, variable
@@ -43,7 +43,7 @@ def opened(source: Source, name: str | None, *, mapped: bool = False) -> Iterato
     else:
         import h5netcdf  # type: ignore[import-not-found, import-untyped, unused-ignore]  # noqa: F401
 
-        file_or_bytes, engine = seekable(source), "h5netcdf"
+        file_or_bytes, engine = checked(source), "h5netcdf"
         with h5py.File(file_or_bytes, "r") as file:
             # h5netcdf follows links.
             walk(source.path, file, strict=True)

@@ -19,7 +19,7 @@ from sheetsplat._checks import shown
 from sheetsplat.errors import option_ref
 from sheetsplat.io import particle_units
 from sheetsplat.io.checks import finite_points, finite_values, listed, require_rows, unreadable
-from sheetsplat.io.hdf5_access import inside, read_dataset, seekable
+from sheetsplat.io.hdf5_access import checked, inside, read_dataset
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
 from sheetsplat.io.source import Source
@@ -187,7 +187,7 @@ def read(
     InvalidInput
         For damaged files, missing groups or datasets, and datasets of other lengths or larger than what is stored.
     """
-    with h5py.File(seekable(source), "r") as file:
+    with h5py.File(checked(source), "r") as file:
         group = _group_of(source.path, file, particles, rows)
         return _read_group(source.path, file, group, scalar, support)
 
@@ -199,7 +199,7 @@ def locate(source: Source, particles: str | None = None, support: float | None =
     are too many.
     """
     path = source.path
-    with h5py.File(seekable(source), "r") as file:
+    with h5py.File(checked(source), "r") as file:
         group = _group_of(path, file, particles)
         lengths = group.first(_SMOOTHING)
         mass = _mass_table(path, file, group.name)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from sheetsplat._checks import shown, triple
 from sheetsplat.io.axes import nearest_the_world
 from sheetsplat.io.checks import checked_shape, chosen_step, finite_points, printable, require_rows, unreadable
-from sheetsplat.io.hdf5_access import attribute, check_stored, inside, read_rows, seekable
+from sheetsplat.io.hdf5_access import attribute, check_stored, checked, inside, read_rows
 from sheetsplat.io.records import Scattered, Volume
 from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
 from sheetsplat.io.source import Source
@@ -86,7 +86,7 @@ class _Step:
 
 def count_steps(source: Source, name: str | None = None) -> int:
     """Return the number of time steps."""
-    with h5py.File(seekable(source), "r") as file:
+    with h5py.File(checked(source), "r") as file:
         return _Step(source.path, inside(source.path, file, _GROUP)).count
 
 
@@ -170,7 +170,7 @@ def read_image(source: Source, name: str | None = None, step: int | None = None)
 
     Raises InvalidInput for damaged files, several time steps without `step`, and links to other files.
     """
-    with h5py.File(seekable(source), "r") as file, np.errstate(all="ignore"):
+    with h5py.File(checked(source), "r") as file, np.errstate(all="ignore"):
         return _image(source.path, inside(source.path, file, _GROUP), name, step)
 
 
@@ -285,7 +285,7 @@ def read(source: Source, scalar: str | None = None, step: int | None = None) -> 
     Raises InvalidInput for other types, damaged files, several time steps without `step`, and links to other files.
     """
     path = source.path
-    with h5py.File(seekable(source), "r") as file, np.errstate(all="ignore"):
+    with h5py.File(checked(source), "r") as file, np.errstate(all="ignore"):
         kind = _type(path, file)
         if kind not in _MESHES:
             found = f"a VTKHDF file of type {shown(kind)}"

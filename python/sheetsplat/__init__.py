@@ -10,12 +10,13 @@ are classified, shaded and composited front to back.
 
 from __future__ import annotations
 
+# First of all: in a process of the command line it answers Ctrl-C until all others are read.
+from sheetsplat import _interrupt as _interrupt
+
+# isort: split
 import importlib
 import logging
 from typing import TYPE_CHECKING, Any
-
-# First of all: in a process of the command line it answers Ctrl-C until all others are read.
-from sheetsplat import _interrupt as _interrupt
 
 # A function and the package that it is in have the same name: only what is imported here keeps the name.
 from sheetsplat.accuracy import accuracy

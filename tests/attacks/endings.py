@@ -141,6 +141,9 @@ def ends_of_viewers(seed: int, count: int) -> Tally:
                         said += f", Ctrl-C {wait:.2f} s later"
                         codes, words = (*codes, *_TWICE_ENDS), (*words, "Aborted!")
                 told, fault = process.ended()
+            if kind == "early" and "Traceback" in told and f"sheetsplat{os.sep}" not in told:
+                # Python itself was not there yet.
+                told = ""
             said = f"{number}: {how.name} {said}"
             tally.did(f"viewers ended by {how.name}, {kind}, code {process.returncode}")
             tally.did("pages that were open", len(closed))

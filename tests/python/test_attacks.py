@@ -168,7 +168,7 @@ def interrupted_import(folder, where, *command):
     return subprocess.run([sys.executable, *command], env=environment, capture_output=True, text=True)
 
 
-@pytest.mark.parametrize("where", ["click", "numpy", "sheetsplat.cli.main", "sheetsplat.scene"])
+@pytest.mark.parametrize("where", ["logging", "click", "numpy", "sheetsplat.cli.main", "sheetsplat.scene"])
 def test_ctrl_c_while_modules_are_read(tmp_path, where):
     done = interrupted_import(tmp_path, where, "-m", "sheetsplat", "info", "none.npy")
     # Once click runs, it ends the line of ^C first.

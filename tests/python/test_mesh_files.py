@@ -80,6 +80,19 @@ def test_meshes_are_read(tmp_path: Path, name: str, packed: bool) -> None:
     assert close("the mesh", vertices, triangles).volume == pytest.approx(1)
 
 
+def test_vertices_of_no_triangle_are_no_part_of_the_solid(tmp_path: Path) -> None:
+    """They made the grid that is filled, and so its time and memory, as large as the box around them."""
+    path = tmp_path / "a.obj"
+    path.write_text(obj())
+    expected = read_scattered(path)
+    path.write_text(obj() + "v 1e5 2e5 -3e5\n")
+    found = read_scattered(path)
+    assert np.array_equal(found.points, expected.points)
+    corners = np.concatenate([CORNERS, [(1e5, 2e5, -3e5)]])
+    kernels = fit.solid(corners, TRIANGLES, kernels=300)
+    assert np.array_equal(kernels.centers, fit.solid(CORNERS, TRIANGLES, kernels=300).centers)
+
+
 DAMAGED = {
     "vertex 0": ("a.obj", obj(first="f 0 3 2"), "vertex 0 in line 9; wanted vertices that count from 1"),
     "vertex 9": ("a.obj", obj(first="f 1 3 9"), "vertex 9, in line 9; wanted vertices from 1 to 8"),

@@ -55,7 +55,7 @@ class ClosedMesh:
     Attributes
     ----------
     vertices
-        Different positions, (V, 3).
+        Different positions of corners of triangles, (V, 3).
     triangles
         Numbers of vertices, (T, 3).
     volume
@@ -105,7 +105,7 @@ def _edges(triangles: Numbers, count: int) -> tuple[Numbers, NDArray[np.bool_]]:
 
 
 def close(what: str, vertices: ArrayLike, triangles: ArrayLike) -> ClosedMesh:
-    """Return a closed, oriented mesh, or InvalidInput with the first boundary edge."""
+    """Return a closed, oriented mesh of the vertices that are used, or InvalidInput with the first boundary edge."""
     at = places(what, vertices, "vertices")
     faces = _triangles(what, triangles, len(at))
     welded = merge(what, at, np.zeros(len(at)))
@@ -113,9 +113,10 @@ def close(what: str, vertices: ArrayLike, triangles: ArrayLike) -> ClosedMesh:
     real = (joined != np.roll(joined, 1, axis=1)).all(axis=1)
     degenerate = int((~real).sum())
     joined, faces = joined[real], faces[real]
-    count = len(welded.points)
     if not len(joined):
         raise complain(f"{what}: the mesh cannot be used", "triangles without any area", "a closed surface")
+    kept, number = np.unique(joined, return_inverse=True)
+    points, joined, count = welded.points[kept], number.reshape(joined.shape), len(kept)
     edge, forward = _edges(joined, count)
     _, first, number, uses = np.unique(edge, return_index=True, return_inverse=True, return_counts=True)
     number = number.reshape(-1)
@@ -132,7 +133,7 @@ def close(what: str, vertices: ArrayLike, triangles: ArrayLike) -> ClosedMesh:
         )
     flipped, shell = _orientation(what, joined, number, forward, uses)
     oriented = np.where(flipped[:, None], joined[:, ::-1], joined)
-    turned = _outward(welded.points, oriented, shell)
+    turned = _outward(points, oriented, shell)
     oriented = np.where(turned[:, None], oriented[:, ::-1], oriented)
     edge, forward = _edges(oriented, count)
     _, place = np.unique(edge, return_inverse=True)
@@ -146,9 +147,9 @@ def close(what: str, vertices: ArrayLike, triangles: ArrayLike) -> ClosedMesh:
             "split it at those edges into closed shells",
         )
     return ClosedMesh(
-        vertices=welded.points,
+        vertices=points,
         triangles=oriented,
-        volume=float(_volumes(welded.points, oriented).sum()),
+        volume=float(_volumes(points, oriented).sum()),
         shells=int(shell.max()) + 1,
         merged=welded.merged,
         degenerate=degenerate,

@@ -48,7 +48,8 @@ def read(source: Source) -> Scattered:
 
     vertices, triangles = fit.read_mesh(source.path)
     vertices, triangles, holes = without_holes(vertices, triangles)
-    axes, lengths = _stretching(vertices)
+    # Vertices of no triangle are no part of the solid.
+    axes, lengths = _stretching(vertices[np.unique(triangles)])
     stretched = bool((lengths != lengths[0]).any())
     if stretched:
         kernels = fit.solid((vertices @ axes) / lengths, triangles)

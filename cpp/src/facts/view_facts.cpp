@@ -26,7 +26,14 @@ FrameFacts frame_facts(const Frame& frame) {
     return facts;
 }
 
-void add_lattice(const RegularField& field, const Camera& camera, const Frame& frame, ViewFacts& facts) {
+/// Longest way of a ray through a slab. With the filter, which makes kernels about as thick as a slab, the part of it
+/// that goes sideways.
+double way_through_slab(const Scene& scene, const Frame& frame) {
+    return frame.slice_spacing * (scene.filter == Filter::none ? frame.largest_slant() : frame.largest_slope());
+}
+
+void add_lattice(const RegularField& field, const Scene& scene, const Camera& camera, const Frame& frame,
+                 ViewFacts& facts) {
     const LatticeSection section = lattice_section(field, camera);
     facts.shapes.sheared = facts.shapes.sheared || section.sheared;
     const Vec3 axes = field.semi_axes_world();
@@ -47,10 +54,10 @@ void add_lattice(const RegularField& field, const Camera& camera, const Frame& f
     // |w| ds / h: how far a ray gets through the unit sphere in one slab. Its part along n is ds / h; the smallest
     // semi-axis bounds it all.
     const double along = frame.slice_spacing / section.half_depth;
-    const double across = frame.projection == Projection::perspective || section.sheared
-                              ? frame.slice_spacing * facts.frame.largest_slant / thinnest
-                              : along;
-    facts.slabs.thickest = std::max(facts.slabs.thickest, along);
+    const bool straight = frame.projection == Projection::orthographic && !section.sheared;
+    const double across = straight ? along : frame.slice_spacing * facts.frame.largest_slant / thinnest;
+    const double through = scene.filter == Filter::none && straight ? along : way_through_slab(scene, frame) / thinnest;
+    facts.slabs.thickest = std::max(facts.slabs.thickest, through);
     facts.slabs.widest = std::max(facts.slabs.widest, std::sqrt(field.kernel().falloff) * std::max(along, across));
 }
 
@@ -72,7 +79,7 @@ void add_ellipsoids(const EllipsoidField& field, const FieldSurvey& survey, cons
     facts.overlap.typical = std::max(facts.overlap.typical, survey.kernels.mean_overlap);
     facts.overlap.densest = std::max(facts.overlap.densest, survey.kernels.crowd.overlap);
     facts.overlap.alike = std::max(facts.overlap.alike, survey.kernels.crowd.alike);
-    facts.slabs.thickest = std::max(facts.slabs.thickest, frame.slice_spacing / survey.kernels.thinnest);
+    facts.slabs.thickest = std::max(facts.slabs.thickest, way_through_slab(scene, frame) / survey.kernels.thinnest);
     if (scene.sampling == Sampling::slab && scene.filter == Filter::none) {
         const ThinInSlabs thin = survey_slabs(field, camera, frame, thick_slab);
         facts.slabs.ellipsoids.loss = std::max(facts.slabs.ellipsoids.loss, thin.loss);
@@ -102,7 +109,7 @@ ViewFacts view_facts(const Scene& scene, const Camera& camera, const Frame& fram
         if (const EllipsoidField* ellipsoids = as_ellipsoids(field.get())) {
             add_ellipsoids(*ellipsoids, survey, scene, camera, frame, facts);
         } else {
-            add_lattice(*as_regular(field.get()), camera, frame, facts);
+            add_lattice(*as_regular(field.get()), scene, camera, frame, facts);
         }
         if (survey.lattice_peak) {
             facts.lattice_peaks.emplace(field.get(), *survey.lattice_peak);

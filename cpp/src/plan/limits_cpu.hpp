@@ -22,7 +22,8 @@ constexpr double least_lit_px = 16.0, least_steep_lit_px = 0.3;
 constexpr double few_overlaps = 3.0, sphere_aspect = 1.001, gentle_steepness = 10.0;
 /// Radius, pixels: float32 resolves squares of distances beside that of a pixel.
 constexpr double largest_px = 1e6;
-/// Slab thickness over half-depth: beyond, differences of erf lose what a thin kernel adds.
+/// A ray's way through a slab over half a kernel: beyond, differences of erf lose what a thin kernel adds. At 370 seen
+/// at 1.2e-4 (RMSE).
 constexpr double thickest_slab = 100.0;
 /// weights_in_slabs: seen were 4e-7 (P99.9) times it at 600.
 constexpr double widest_weights_in_slabs = 300.0;

@@ -98,8 +98,8 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
     if (view.screen_px.largest() > limits::largest_px) {
         return "float32 would not resolve distances in kernels of " + number(view.screen_px.largest()) + " pixels";
     }
-    if (scene.sampling == Sampling::slab && !plan.filter && view.slabs.thickest > limits::thickest_slab) {
-        return "a slab is " + number(view.slabs.thickest) + " times as thick as half a kernel";
+    if (scene.sampling == Sampling::slab && view.slabs.thickest > limits::thickest_slab) {
+        return "rays go through a slab on " + number(view.slabs.thickest) + " times the length of half a kernel";
     }
     if (weights_in_slabs(scene.sampling, sums) > limits::widest_weights_in_slabs) {
         return "weights of up to " + number(sums.weight_range) +

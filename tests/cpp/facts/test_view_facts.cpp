@@ -134,9 +134,15 @@ TEST(ViewFacts, GatherTheExtremesOfAllFields) {
     EXPECT_NEAR(facts.slabs.widest, std::sqrt(lattice->kernel().falloff) * 0.25, 1e-12);
     EXPECT_EQ(facts.weights.at(scattered.get()).most, 2.0);
     EXPECT_GT(facts.lattice_peaks.at(lattice.get()), 0.9);
+    const Camera near = Camera::perspective(Vec3(0.5, 0.5, 9.0), Vec3(0.5), Vec3(0.0, 1.0, 0.0), 170.0);
+    const Frame wide = make_frame(scene, near, {40, 40});
+    EXPECT_NEAR(view_facts(scene, near, wide, surveys).slabs.thickest, 2.0 * wide.largest_slant(), 1e-9);
     scene.filter = Filter::ewa;
+    EXPECT_NEAR(view_facts(scene, near, wide, surveys).slabs.thickest, 2.0 * wide.largest_slope(), 1e-9);
     const Frame coarse = make_frame(scene, camera, {4, 4});
-    EXPECT_LT(view_facts(scene, camera, coarse, surveys).weights.at(scattered.get()).most, 2.0) << "kernels flatten";
+    const ViewFacts filtered = view_facts(scene, camera, coarse, surveys);
+    EXPECT_LT(filtered.weights.at(scattered.get()).most, 2.0) << "kernels flatten";
+    EXPECT_EQ(filtered.slabs.thickest, 0.0) << "kernels are as thick as a slab";
 }
 
 TEST(FieldSurveys, OthersAreDroppedUnlessTheyAreSparedAndExist) {

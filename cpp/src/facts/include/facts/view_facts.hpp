@@ -66,7 +66,7 @@ struct ScreenSizes {
 /// How thick slabs are against kernels.
 struct SlabFacts {
     double widest = 1.0;    ///< largest sqrt(k) |w| ds / h over the lattices, w: a ray's direction in the unit sphere
-    double thickest = 0.0;  ///< sampling slab: largest ds / h of any kernel, or a bound of it
+    double thickest = 0.0;  ///< longest way of a ray through a slab over the half-depth of any kernel, or a bound of it
     ThinInSlabs ellipsoids; ///< sampling slab: those much thinner than a slab
 };
 

@@ -1,6 +1,7 @@
 #include "backend_cpu/lattice_extremes.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -24,7 +25,9 @@ LatticeExtremes LatticeExtremes::of(const RegularField& field, Extreme extreme, 
                                     const std::function<void()>& poll) {
     LatticeExtremes found;
     const bool smallest = extreme == Extreme::smallest;
-    const auto [nk, nj, ni] = field.shape();
+    const std::array<std::size_t, 3> shape = field.shape();
+    // C++17 lets lambdas capture variables, not structured bindings.
+    const std::size_t nk = shape[0], nj = shape[1], ni = shape[2];
     const double radius = field.options().radius;
     const auto [least, greatest] = field.value_range();
     const double largest = smallest ? std::max(std::abs(least), std::abs(greatest)) : greatest;

@@ -8,7 +8,7 @@ from dataclasses import replace
 from statistics import median
 from typing import Any, NamedTuple
 
-from sheetsplat import _sheetsplat
+from sheetsplat.effect_names import FORCED_BY
 from sheetsplat.errors import Cancelled, Error
 from sheetsplat.options.core import definitions
 from sheetsplat.options.scene import SceneOptions
@@ -24,8 +24,6 @@ _WITHOUT: dict[str, dict[str, Any]] = {
     **{one.effect: {name: one.default} for name, one in definitions(SceneOptions).items() if one.effect},
     "second_order": {"preintegration": True},
 }
-# Effects that some backend can force on or off.
-_FORCIBLE = frozenset(name for name, *_, forcible in _sheetsplat.known_effects() if forcible)
 # For comparisons only: no plan switches it on by itself.
 _FOR_COMPARISON = frozenset({"paper_slicing"})
 _OUTPUTS = ("coverage", "depth")
@@ -47,7 +45,7 @@ def _other_way(effect: Effect, scene: Scene, outputs: tuple[str, ...]) -> _Way |
         return _Way(scene, (*outputs, effect.name), {})
     if effect.name in _WITHOUT and effect.on:
         return _Way(scene.replace(**_WITHOUT[effect.name]), outputs, {})
-    if effect.name not in _FORCIBLE - _FOR_COMPARISON:
+    if effect.name not in FORCED_BY.keys() - _FOR_COMPARISON:
         return None
     return _Way(scene, outputs, {effect.name: not effect.on})
 

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import image_size, instance, names, number, shown, whole
 from sheetsplat.camera import Camera
+from sheetsplat.effect_names import check_effects
 from sheetsplat.errors import Unsupported, complain, option_ref, unusable
 from sheetsplat.fields import is_in_bricks
 from sheetsplat.image import ErrorEstimate, Image
@@ -162,6 +163,7 @@ class Renderer:
     def __init__(self, backend: Backend = "auto", **options: Unpack[RendererKeywords]) -> None:
         self._settings = checked("Renderer", {"backend": backend, **options}, RendererClassOptions)
         self._settings["backend"] = _chosen_backend(self._settings["backend"])
+        check_effects(self._settings["backend"], self._settings["effects"])
         self.native = _native(self._settings)
         self._warned: frozenset[str] = frozenset()
 

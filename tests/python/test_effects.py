@@ -343,6 +343,16 @@ def test_unknown_effects_are_told_by_backend() -> None:
         with pytest.raises(ss.InvalidInput, match=has) as caught:
             ss.Renderer(backend, effects={"nonsense": True}).plan(scene, camera, size=SIZE)  # type: ignore[arg-type]
         assert lacks not in str(caught.value)
+    for backend, wrong, near in (
+        ("cpu", "opacity_corection", "did you mean opacity_correction"),
+        ("gl", "Elimination", "did you mean elimination"),
+        ("auto", "compensate", "did you mean compensation"),
+        ("auto", "stop", "did you mean opacity_stop"),
+        ("cpu", "zzz", "correct the name in effects"),
+    ):
+        with pytest.raises(ss.InvalidInput, match=near) as caught:
+            ss.Renderer(backend, effects={"culling": True, wrong: False})  # type: ignore[arg-type]
+        assert caught.value.option == "effects" and wrong in str(caught.value.found)
     with pytest.raises(ss.InvalidInput, match=r"float64.*precision"):
         ss.Renderer("cpu", effects={"float64": True}).plan(scene, camera, size=SIZE)
     with pytest.raises(ss.InvalidInput, match=r"perspective.*camera"):

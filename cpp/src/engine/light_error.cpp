@@ -231,7 +231,7 @@ class View {
         }
     }
 
-    /// A slice, or the interval behind it: pre-integration of second order as that of first.
+    /// A slice, or the interval behind it.
     template <class At>
     void add_slice(const Ray& ray, std::int64_t n, const At& values, double& alpha, std::vector<Spot>& spots) const {
         const bool interval = scene_.preintegration;
@@ -250,7 +250,14 @@ class View {
                                      ? std::min(1.0, glm::length(gradient(ray, spot)) / *scene_.gradient_opacity)
                                      : 1.0;
             double own = 0.0, weight = 0.0;
-            if (interval) {
+            if (plan_.second_order) {
+                const std::array<double, 4> rho{values(n - 1).rho(group), values(n).rho(group),
+                                                values(n + 1).rho(group), values(n + 2).rho(group)};
+                const reference::ColorOpacity looks =
+                    reference::preintegrate_second_order(function, rho, lengths * faded);
+                own = weight = reference::extinction_of(looks.opacity);
+                spot.color = looks.color;
+            } else if (interval) {
                 const reference::ColorExtinction mean =
                     reference::mean_over_ramp(function, values(n).rho(group), values(n + 1).rho(group));
                 own = weight = lengths * faded * mean.extinction;

@@ -20,6 +20,10 @@ constexpr std::size_t most_along = 32;
 /// Gaussians of neighbours follow from each other below this: else the first one may be nothing to float64.
 constexpr double steep_falloff = 200.0;
 
+/// Panels that a line is cut into, with two points of Gauss each, so far from their middle in halves of a panel.
+constexpr int panels = 4;
+constexpr double from_middle = 0.57735026918962576;
+
 class LatticeValues final : public PointValues {
   public:
     explicit LatticeValues(std::shared_ptr<const Field> field)
@@ -52,6 +56,20 @@ class LatticeValues final : public PointValues {
             rows[1] = along(from.y - 0.5 * step_.y, 1, nj);
         }
         return std::visit([&](const auto& values) { return sum(values, layers, columns, rows); }, samples_.samples());
+    }
+    /// At eight points, which finds the means of kernels as long as a quarter of the line.
+    [[nodiscard]] reference::Sums mean_sums(const Vec3& from, const Vec3& to) const override {
+        reference::Sums mean;
+        for (int panel = 0; panel < panels; ++panel) {
+            for (const double side : {-from_middle, from_middle}) {
+                const double share = (panel + 0.5 * (1.0 + side)) / panels;
+                const reference::Sums one = sums_at((1.0 - share) * from + share * to);
+                mean.d += one.d / (2.0 * panels);
+                mean.w += one.w / (2.0 * panels);
+                mean.empty = mean.empty && one.empty;
+            }
+        }
+        return mean;
     }
     [[nodiscard]] double rho(const reference::Sums& sums) const override { return normaliser_.rho(sums.d, sums.w); }
 
@@ -146,6 +164,9 @@ class ScatteredValues final : public PointValues {
     [[nodiscard]] reference::Sums sums_at(const Vec3& world) const override {
         return sums_.sums_at(camera_.to_eye(world));
     }
+    [[nodiscard]] reference::Sums mean_sums(const Vec3& from, const Vec3& to) const override {
+        return sums_.mean_sums(camera_.to_eye(from), camera_.to_eye(to));
+    }
     [[nodiscard]] double rho(const reference::Sums& sums) const override { return sums_.rho(sums); }
 
     std::shared_ptr<const Field> field_;
@@ -153,10 +174,6 @@ class ScatteredValues final : public PointValues {
     reference::Screen screen_;
     reference::PointSums sums_;
 };
-
-/// Panels that a line is cut into, with two points of Gauss each, so far from their middle in halves of a panel.
-constexpr int panels = 4;
-constexpr double from_middle = 0.57735026918962576;
 
 } // namespace
 
@@ -166,17 +183,8 @@ PointValues::Value PointValues::at(const Vec3& world) const {
 }
 
 PointValues::Value PointValues::mean(const Vec3& from, const Vec3& to) const {
-    reference::Sums mean;
-    for (int panel = 0; panel < panels; ++panel) {
-        for (const double side : {-from_middle, from_middle}) {
-            const double share = (panel + 0.5 * (1.0 + side)) / panels;
-            const reference::Sums one = sums_at((1.0 - share) * from + share * to);
-            mean.d += one.d / (2.0 * panels);
-            mean.w += one.w / (2.0 * panels);
-            mean.empty = mean.empty && one.empty;
-        }
-    }
-    return {rho(mean), mean.empty};
+    const reference::Sums sums = mean_sums(from, to);
+    return {rho(sums), sums.empty};
 }
 
 std::shared_ptr<const PointValues> point_values(const std::shared_ptr<const Field>& field, const Scene& scene) {

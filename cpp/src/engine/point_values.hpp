@@ -22,12 +22,12 @@ class PointValues {
     PointValues& operator=(const PointValues&) = delete;
     virtual ~PointValues() = default;
     [[nodiscard]] Value at(const Vec3& world) const;
-    /// What slab sampling shows of the line between two points: the means of the sums, divided by each other. They are
-    /// taken at eight points, which finds those of kernels as long as a quarter of the line.
+    /// What slab sampling shows of the line between two different points: the means of the sums, divided by each other.
     [[nodiscard]] Value mean(const Vec3& from, const Vec3& to) const;
 
   private:
     [[nodiscard]] virtual reference::Sums sums_at(const Vec3& world) const = 0;
+    [[nodiscard]] virtual reference::Sums mean_sums(const Vec3& from, const Vec3& to) const = 0;
     [[nodiscard]] virtual double rho(const reference::Sums& sums) const = 0;
 };
 

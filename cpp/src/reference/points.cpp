@@ -7,6 +7,7 @@
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <glm/vector_relational.hpp>
 
 #include "base/checks.hpp"
 #include "base/memory.hpp"
@@ -162,6 +163,54 @@ Sums PointSums::sums_at(const Vec3& point_eye) const {
             const double g = profile_.at(r_squared);
             sums.d += kernel.value * g;
             sums.w += kernel.weight * g;
+            sums.empty = false;
+        }
+    }
+    return sums;
+}
+
+std::vector<std::uint32_t> PointSums::members_in(const Box& box) const {
+    const Cells cells = cells_of(box);
+    std::vector<std::uint32_t> found;
+    for (std::size_t z = cells.first[2]; z <= cells.last[2]; ++z) {
+        for (std::size_t y = cells.first[1]; y <= cells.last[1]; ++y) {
+            const std::size_t row = (z * cells_[1] + y) * cells_[0];
+            found.insert(found.end(), members_.begin() + static_cast<std::ptrdiff_t>(offsets_[row + cells.first[0]]),
+                         members_.begin() + static_cast<std::ptrdiff_t>(offsets_[row + cells.last[0] + 1]));
+        }
+    }
+    if (cells.first != cells.last) {
+        std::sort(found.begin(), found.end());
+        found.erase(std::unique(found.begin(), found.end()), found.end());
+    }
+    return found;
+}
+
+Sums PointSums::mean_sums(const Vec3& from_eye, const Vec3& to_eye) const {
+    const Box line{glm::min(from_eye, to_eye), glm::max(from_eye, to_eye)};
+    if (kernels_.empty() || glm::any(glm::lessThan(line.upper, box_.lower)) ||
+        glm::any(glm::greaterThan(line.lower, box_.upper))) {
+        return {};
+    }
+    Sums sums;
+    for (const std::uint32_t number : members_in(line)) {
+        const EyeKernel& kernel = kernels_[number];
+        // In units of the support, about the centre; u along the line is 0 where it is nearest.
+        const Vec3 start = kernel.shape.to_unit(from_eye - kernel.centre);
+        const Vec3 way = kernel.shape.to_unit(to_eye - from_eye);
+        const double length = glm::length(way);
+        const double u = glm::dot(start, way) / length;
+        const Vec3 nearest = start - (u / length) * way;
+        const double b_squared = glm::dot(nearest, nearest);
+        if (!(b_squared < 1.0)) {
+            continue;
+        }
+        const double half_chord = std::sqrt(1.0 - b_squared);
+        const double first = std::max(u, -half_chord), last = std::min(u + length, half_chord);
+        if (first < last) {
+            const double mean = profile_.integral(b_squared, first, last) / length;
+            sums.d += kernel.value * mean;
+            sums.w += kernel.weight * mean;
             sums.empty = false;
         }
     }

@@ -112,7 +112,7 @@ TEST(PointValues, MeansAreThoseOfSums) {
             const double rho =
                 normalization == Normalization::none ? wanted.d : wanted.d / std::max(field->w0(), wanted.w);
             const PointValues::Value found = values->mean(from, to);
-            EXPECT_NEAR(found.rho, rho, 2e-3 * (1.0 + std::abs(rho)));
+            EXPECT_NEAR(found.rho, rho, 2e-5 * (1.0 + std::abs(rho)));
             between += found.rho != values->at(from).rho ? 1 : 0;
         }
         EXPECT_GT(between, 30);

@@ -29,6 +29,8 @@ class PointSums {
     [[nodiscard]] Value at(const Vec3& point_eye) const;
     /// D and W, before they are normalised.
     [[nodiscard]] Sums sums_at(const Vec3& point_eye) const;
+    /// Their means over the line between two points.
+    [[nodiscard]] Sums mean_sums(const Vec3& from_eye, const Vec3& to_eye) const;
     [[nodiscard]] double rho(const Sums& sums) const { return normaliser_.rho(sums.d, sums.w); }
     /// Box around all supports, eye space; empty() where there is no kernel.
     [[nodiscard]] const Box& supports_eye() const { return box_; }
@@ -40,6 +42,8 @@ class PointSums {
     [[nodiscard]] Cells cells_of(const Box& box) const;
     [[nodiscard]] std::size_t cell_along(int axis, double place) const;
     [[nodiscard]] std::size_t cell_at(const Vec3& place) const;
+    /// The kernels in the cells that a box meets, each once, by their places in kernels_.
+    [[nodiscard]] std::vector<std::uint32_t> members_in(const Box& box) const;
     void sort_kernels(std::size_t cells);
     /// visit(cell) for every cell that the kernel's support may meet.
     template <class Visit>

@@ -296,3 +296,9 @@ def instance(what: str, value: object, kind: type) -> None:
     """Raise InvalidInput unless `value` is a `kind`."""
     if not isinstance(value, kind):
         raise complain(unusable(what), f"{type(value).__name__}, {shown(value)}", f"sheetsplat.{kind.__name__}")
+
+
+def check_progress(owner: str, progress: object) -> None:
+    """Raise InvalidInput for what is neither a function of the finished share, nor None."""
+    if progress is not None and not callable(progress):
+        raise complain(unusable(f"{owner}: progress"), shown(progress), "a function of one number, or None")

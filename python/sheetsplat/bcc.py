@@ -15,13 +15,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory
-from sheetsplat._checks import as_array, choice, optional_number, shown, triple, truth
+from sheetsplat._checks import as_array, attribute, choice, optional_number, shown, triple, truth
 from sheetsplat.errors import complain, unusable
 from sheetsplat.fields import RegularField
 
@@ -38,7 +38,6 @@ _CHUNK_BYTES = 16 << 20
 _LARGEST_CELL = 100.0
 
 
-@runtime_checkable
 class LatticeSamples(Protocol):
     """Samples with their positions: a field or a data set. Attributes as those of `sheetsplat.RegularField`."""
 
@@ -217,12 +216,13 @@ def resample_to_bcc(
     'bcc'
     """
     failed = "the volume cannot be resampled to a BCC lattice"
-    if isinstance(values, LatticeSamples):
-        if values.lattice != "cartesian":
-            raise complain(failed, f"a volume on the lattice {shown(values.lattice)}", "one on a Cartesian lattice")
-        spacing = values.spacing if spacing is None else spacing
-        origin = values.origin if origin is None else origin
-        values = values.values
+    if all(attribute(values, name) is not None for name in ("values", "spacing", "origin", "lattice")):
+        placed = cast(LatticeSamples, values)
+        if placed.lattice != "cartesian":
+            raise complain(failed, f"a volume on the lattice {shown(placed.lattice)}", "one on a Cartesian lattice")
+        spacing = placed.spacing if spacing is None else spacing
+        origin = placed.origin if origin is None else origin
+        values = placed.values
     spacing = (1.0, 1.0, 1.0) if spacing is None else triple("resample_to_bcc: spacing", spacing)
     origin = (0.0, 0.0, 0.0) if origin is None else triple("resample_to_bcc: origin", origin)
     a = optional_number("resample_to_bcc: a", a)

@@ -33,18 +33,19 @@ from sheetsplat.fields import Field, joined_bounds
 Kind = Literal["orthographic", "perspective"]
 
 
-def bounds_of(thing: object) -> Bounds:
-    """Return the world-aligned box of a field, of a sequence of fields, or of anything with ``bounds``.
+def bounds_of(thing: object, levels: int = 2) -> Bounds:
+    """Return the world-aligned box of a field, of a sequence of fields or groups, or of anything with ``bounds``.
 
-    ``bounds`` are two corners, ((x0, y0, z0), (x1, y1, z1)). Raises InvalidInput for anything else.
+    levels: of sequences in each other. ``bounds`` are two corners, ((x0, y0, z0), (x1, y1, z1)). Raises InvalidInput
+    for anything else.
     """
     wanted = "a field, a scene, a sequence of fields, or something with bounds ((x0, y0, z0), (x1, y1, z1))"
-    if isinstance(thing, list | tuple):
+    if isinstance(thing, list | tuple) and levels:
         if not thing:
             raise complain("Camera.fit: there is nothing to look at", "an empty sequence", wanted)
         # A field without a kernel has no box.
         there = [one for one in thing if not (isinstance(one, Field) and one.size == 0)]
-        return joined_bounds([bounds_of(one) for one in there or thing])
+        return joined_bounds([bounds_of(one, levels - 1) for one in there or thing])
     bounds = attribute(thing, "bounds")
     try:
         bounds = bounds() if callable(bounds) else bounds

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Unpack
 from numpy.typing import ArrayLike
 
 from sheetsplat import _sheetsplat
-from sheetsplat._checks import image_size, instance, names, number, shown, whole
+from sheetsplat._checks import check_progress, image_size, instance, names, number, whole
 from sheetsplat.camera import Camera
 from sheetsplat.effect_names import check_effects
 from sheetsplat.errors import Unsupported, complain, option_ref, unusable
@@ -98,11 +98,6 @@ class _View(NamedTuple):
         size = fine_size(self.size, self.samples)
         also = {name: name in self.outputs for name in OUTPUTS}
         return {"scene": self.native_scene, "camera": self.camera.native, "size": size, **also}
-
-
-def _check_progress(progress: object) -> None:
-    if progress is not None and not callable(progress):
-        raise complain(unusable("Renderer: progress"), shown(progress), "a function of one number, or None")
 
 
 def _native(settings: Mapping[str, Any]) -> _sheetsplat.Renderer:
@@ -275,7 +270,7 @@ class Renderer:
         """
         from sheetsplat.effects_cost import measured_plan
 
-        _check_progress(progress)
+        check_progress("Renderer", progress)
         count = whole("Renderer: repeats", repeats)
         if count < 1:
             raise complain(unusable("Renderer: repeats"), str(count), "a whole number of at least 1")
@@ -341,7 +336,7 @@ class Renderer:
             Where `progress` returned False.
         """
         view = _View.of(scene, camera, size, outputs, depth_limit)
-        _check_progress(progress)
+        check_progress("Renderer", progress)
         began = time.perf_counter()
         with counting_samples(view.samples):
             native = self.native.render(**view.native(), progress=progress)
@@ -382,7 +377,7 @@ class Renderer:
             As `render`.
         """
         view = _View.of(scene, camera, size, outputs, depth_limit)
-        _check_progress(progress)
+        check_progress("Renderer", progress)
         seconds = number("Renderer: first_seconds", first_seconds)
         with counting_samples(view.samples):
             stages = self.native.begin_stages(**view.native(), first_seconds=seconds)

@@ -6,13 +6,12 @@ import math
 import os
 import shutil
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import numpy as np
 from numpy.lib.format import open_memmap
 from numpy.typing import ArrayLike, NDArray
 
-from sheetsplat._checks import Triple, image_size, instance, parts, shown, whole
+from sheetsplat._checks import Triple, check_progress, file_path, image_size, instance, parts, shown, whole
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Cancelled, Error, complain, unusable
 from sheetsplat.io.pictures import check_folder, whole_file
@@ -146,7 +145,10 @@ def render_tiles(
     edge = whole("render_tiles: tile", tile, "a whole number of at least 1")
     if edge < 1:
         raise complain(unusable("render_tiles: tile"), str(edge), "a whole number of at least 1")
-    target = Path(path)
+    if renderer is not None:
+        instance("render_tiles: renderer", renderer, Renderer)
+    check_progress("render_tiles", progress)
+    target = file_path("the picture cannot be written", path, "a path")
     if target.suffix.lower() != ".npy":
         raise complain(f"{target} cannot be written", f"the suffix {target.suffix!r}", ".npy")
     check_folder(target)

@@ -20,6 +20,7 @@ import numpy as np
 import sheetsplat as ss
 from attacks import Tally
 from attacks.values import FOREIGN
+from sheetsplat import tiles
 from sheetsplat.options.bricks import OpenBricksOptions
 from sheetsplat.options.core import definitions
 from sheetsplat.options.film import AnimateOptions, TurntableOptions
@@ -107,6 +108,23 @@ class Calls:
                 ["outputs", "progress", "depth_limit"],
             ),
             "Renderer.plan": (ss.Renderer("cpu").plan, {"scene": scene, "camera": camera, "size": (8, 8)}, ["outputs"]),
+            "Renderer.progressive": (
+                self._stages,
+                {"scene": scene, "camera": camera, "size": (8, 8)},
+                ["outputs", "progress", "depth_limit"],
+            ),
+            "Renderer.measure_effects": (
+                ss.Renderer("cpu", threads=1).measure_effects,
+                {"scene": scene, "camera": camera, "size": (4, 4), "repeats": 1},
+                [],
+            ),
+            "Scene.replace": (scene.replace, {}, options(SceneOptions)),
+            "render_tiles": (
+                tiles.render_tiles,
+                {"scene": scene, "camera": camera, "size": (8, 8), "path": folder / "tiles.npy", "tile": 5},
+                [],
+            ),
+            "window": (tiles.window, {"camera": camera, "size": (9, 9), "at": (1, 2), "extent": (3, 4)}, []),
             "Camera.fit": (
                 ss.Camera.fit,
                 {"field": field, "direction": "x"},
@@ -185,6 +203,9 @@ class Calls:
         }
         self._use_what_is_taken()
         self._add_xarray(samples, base)
+
+    def _stages(self, **given: Any) -> Any:
+        return list(ss.Renderer("cpu", threads=1).progressive(**given))
 
     def _view(self, **given: Any) -> Any:
         ss.view(**given).close()

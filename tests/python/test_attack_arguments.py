@@ -78,6 +78,8 @@ FOUND: dict[str, Callable[[], object]] = {
         ss.Scene(FIELD, [(0, 1, 1, 1, 0), (1, 1, 1, 1, 1)]), ss.Camera.fit(FIELD), size=(8, 8), truth=10**400
     ),
     "something to look at that raises": lambda: ss.Camera.fit(values.RaisesOnEverything()),
+    "fields in a list in itself": lambda: ss.Camera.fit(values.FOREIGN["list in itself"]()),
+    "samples that raise": lambda: ss.resample_to_bcc(values.RaisesOnEverything()),
     "a film of what raises": lambda: ss.turntable(values.RaisesOnEverything(), size=8),
     "a film's client that raises": lambda: ss.turntable(SAMPLES, client=values.RaisesOnEverything()),
     "an opacity that raises": lambda: ss.render(SAMPLES, opacity=values.RaisesOnEverything()),

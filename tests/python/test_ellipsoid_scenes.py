@@ -46,6 +46,13 @@ def test_cameras_fit_what_the_supports_reach(rng):
         x, y, _ = camera.native.to_eye(tuple(corner))
         assert max(abs(x), abs(y)) <= camera.height / 2
     assert ss.Camera.fit([field]).eye == ss.Camera.fit(ss.Scene(field, [(0, 0, 0, 0, 0), (1, 1, 1, 1, 1)])).eye
+    # Groups of fields are one level more; deeper there is nothing.
+    assert ss.Camera.fit([[field], [field]]).eye == ss.Camera.fit(field).eye
+    endless: list[object] = []
+    endless.append(endless)
+    for wrong in (endless, [[[field]]]):
+        with pytest.raises(ss.InvalidInput, match="cannot be looked at"):
+            ss.Camera.fit(wrong)
 
 
 def test_places_lie_where_the_volumes_are():

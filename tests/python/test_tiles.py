@@ -100,6 +100,10 @@ def test_what_cannot_be_drawn_leaves_no_file(tmp_path: Path, monkeypatch: pytest
         render_tiles(scene, camera, SIZE, tmp_path / "none" / "p.npy")
     with pytest.raises(ss.Error, match=r"room for [0-9,]+ MB; wanted room for 16,000,000,000 MB; make"):
         render_tiles(scene, camera, (10**9, 10**6), tmp_path / "p.npy")
+    for wrong in ({"path": 3}, {"path": "a\0.npy"}, {"renderer": "cpu"}, {"progress": "often"}, {"depth_limit": "far"}):
+        given: dict[str, Any] = {"path": tmp_path / "p.npy", "renderer": ss.Renderer("cpu"), **wrong}
+        with pytest.raises(ss.InvalidInput, match="cannot be (used|written)"):
+            render_tiles(scene, camera, SIZE, **given)
     shares: list[float] = []
 
     def stop(share: float) -> bool:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sheetsplat._checks import choice, image_size, instance, names, number, shown, whole
+from sheetsplat._checks import check_progress, choice, image_size, instance, names, number, shown, whole
 from sheetsplat.accuracy import measure
 from sheetsplat.accuracy.knobs import (
     BEST,
@@ -78,8 +78,7 @@ def measure_accuracy(
     if not (math.isfinite(budget) and budget >= 0.0):
         raise complain(unusable("accuracy: reference_seconds"), f"{budget:g}", "seconds, at least 0")
     choice("accuracy: clock", clock, CLOCKS)
-    if progress is not None and not callable(progress):
-        raise complain(unusable("accuracy: progress"), shown(progress), "a function of one number, or None")
+    check_progress("accuracy", progress)
     pixels = image_size(size)
     base = _base(scene, camera, pixels, backend, settings)
     with muted():

@@ -18,7 +18,7 @@ from typing import Any, overload
 import numpy as np
 
 from sheetsplat import _sheetsplat
-from sheetsplat._checks import file_path, shown, truth
+from sheetsplat._checks import check_progress, file_path, truth
 from sheetsplat._time_left import time_left
 from sheetsplat.animation.drawing import (
     Drawn,
@@ -39,7 +39,7 @@ from sheetsplat.bricks.needs import bricked_field
 from sheetsplat.bricks.picture import Begun
 from sheetsplat.bricks.picture import draw as draw_in_bricks
 from sheetsplat.camera import Camera
-from sheetsplat.errors import Cancelled, Unsupported, complain, option_ref, unusable
+from sheetsplat.errors import Cancelled, Unsupported, complain, option_ref
 from sheetsplat.fields import is_in_bricks
 from sheetsplat.image import Image
 from sheetsplat.io.pictures import check_folder, listed_suffixes, whole_file
@@ -370,8 +370,7 @@ class Animation(Sequence[Image]):
         target = file_path("the film cannot be saved", path, wanted)
         if not self._frames:
             raise complain("the film cannot be saved", "no frames", "at least one")
-        if progress is not None and not callable(progress):
-            raise complain(unusable("Animation: progress"), shown(progress), "a function of one number, or None")
+        check_progress("Animation", progress)
         described = truth("Animation: metadata", metadata)
         rate = self._fps if fps is None else rate_of("Animation: fps", fps)
         count = self._workers if workers is None else workers_of("Animation: workers", workers)

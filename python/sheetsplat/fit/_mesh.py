@@ -209,14 +209,26 @@ def _outward(vertices: Floats, triangles: Numbers, shell: Numbers) -> NDArray[np
     if not len(inward) or len(volume) == 1:
         return turn
     positive = np.where((volume < 0.0)[shell][:, None], triangles[:, ::-1], triangles)
+    low, high = _boxes(vertices, triangles, shell)
     for one in inward:
         own = shell == one
         corners = np.unique(triangles[own])
         probes = vertices[corners[:: max(1, len(corners) // _PROBES)]]
-        around = winding_numbers(probes, vertices, positive[~own])
+        # A closed shell has no point outside its box inside.
+        near = (low <= high[one]).all(axis=1) & (low[one] <= high).all(axis=1)
+        near[one] = False
+        around = winding_numbers(probes, vertices, positive[near[shell]])
         if np.median(around) < 0.5:
             turn[own] = ~turn[own]
     return turn
+
+
+def _boxes(vertices: Floats, triangles: Numbers, shell: Numbers) -> tuple[Floats, Floats]:
+    """Return the lower and the upper corners of the boxes of shells, (S, 3) each."""
+    order = np.argsort(shell, kind="stable")
+    corners = vertices[triangles[order]]
+    first = np.flatnonzero(np.diff(shell[order], prepend=-1))
+    return np.minimum.reduceat(corners.min(axis=1), first), np.maximum.reduceat(corners.max(axis=1), first)
 
 
 def winding_numbers(points: ArrayLike, vertices: ArrayLike, triangles: ArrayLike) -> Floats:

@@ -46,15 +46,12 @@ class SphereBatch {
     HWY_INLINE void measure(const Section<T>* sections, int number, const Splat<T, slopes>& splat, T weight) {
         const std::int32_t n = splat.n;
         const Rect& seen = splat.live.rect;
-        for (int kernel = 0; kernel < room; ++kernel) {
-            const Section<T>& section = sections[std::min(kernel, number - 1)];
-            if constexpr (slopes) {
-                scale_[kernel] = Steepness<sums, T>(splat.steep(), section.value, weight).scale;
+        at_.gather(number, [&](int kernel) -> const Section<T>& { return sections[kernel]; });
+        if constexpr (slopes) {
+            for (int kernel = 0; kernel < room; ++kernel) {
+                const T value = sections[std::min(kernel, number - 1)].value;
+                scale_[kernel] = Steepness<sums, T>(splat.steep(), value, weight).scale;
             }
-            a1_[kernel] = section.a1;
-            a2_[kernel] = section.a2;
-            s_[kernel] = section.s;
-            first_[kernel] = static_cast<T>(section.first);
         }
         const hn::CappedTag<T, room> d;
         using V = hn::Vec<decltype(d)>;
@@ -64,7 +61,8 @@ class SphereBatch {
             return hn::Min(hn::Max(at, hn::Set(d, static_cast<T>(low))), hn::Set(d, static_cast<T>(high)));
         };
         for (int kernel = 0; kernel < room; kernel += static_cast<int>(hn::Lanes(d))) {
-            const V a1 = hn::Load(d, a1_ + kernel), a2 = hn::Load(d, a2_ + kernel), s = hn::Load(d, s_ + kernel);
+            const V a1 = hn::Load(d, at_.a1 + kernel), a2 = hn::Load(d, at_.a2 + kernel),
+                    s = hn::Load(d, at_.s + kernel);
             const V middle_x = hn::Mul(hn::Neg(a1), per_X);
             const V middle_y = hn::Mul(a2, hn::Set(d, -per_Y_));
             const V y0 = clamped(hn::Ceil(hn::Sub(middle_y, per_Y)), seen.y0, seen.y1);
@@ -73,7 +71,7 @@ class SphereBatch {
             hn::Store(y0, d, y0_ + kernel);
             hn::Store(clamped(hn::Add(hn::Floor(hn::Add(middle_y, per_Y)), one), seen.y0, seen.y1), d, y1_ + kernel);
             const V further = hn::Floor(hn::Mul(hn::Add(one, s), hn::Set(d, per_slice_)));
-            const V first = hn::Load(d, first_ + kernel);
+            const V first = hn::Load(d, at_.first + kernel);
             hn::Store(hn::Min(hn::Add(first, hn::Max(further, hn::Neg(one))), hn::Set(d, static_cast<T>(last_slice_))),
                       d, last_ + kernel);
             const auto bells = [&](V at, T step, T* out, T* slope) SHEETSPLAT_CPU_INLINE {
@@ -105,7 +103,7 @@ class SphereBatch {
         const Rect box = this->box(kernel);
         const T edge = splat.profile.edge;
         const int start = start_of<T>(box.x0, box.x1, static_cast<int>(hn::Lanes(d)));
-        const T at_x = a1_[kernel] + shape_.X * static_cast<T>(start);
+        const T at_x = at_.a1[kernel] + shape_.X * static_cast<T>(start);
         HWY_ALIGN T bell_x[2 * most_px];
         bells(d, -minus_k_, at_x, shape_.X, box.x1 - start, bell_x);
         HWY_ALIGN T slope_x[slopes ? 2 * most_px : 1];
@@ -134,7 +132,7 @@ class SphereBatch {
     const RowShape<T> shape_;
     const T per_X_, per_Y_, per_slice_, minus_k_;
     const std::int32_t last_slice_;
-    HWY_ALIGN T a1_[room], a2_[room], s_[room], first_[room];
+    BatchPlaces<T, room> at_;
     HWY_ALIGN T x0_[room], x1_[room], y0_[room], y1_[room], last_[room];
     HWY_ALIGN T bell_y_[most_px * room], bell_z_[most_px * room]; ///< [row or slice][kernel]
     static constexpr int slope_room = slopes ? most_px * room : 1;

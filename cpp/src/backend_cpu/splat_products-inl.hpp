@@ -447,13 +447,7 @@ class ProductBatch {
     /// The kernel of each number, 1 to `room` of them; n: the slice that they are drawn from on.
     HWY_INLINE void measure(const Section<T>* sections, const std::uint32_t* numbers, int number, std::int32_t n,
                             const Rect& seen) {
-        for (int kernel = 0; kernel < room; ++kernel) {
-            const Section<T>& section = sections[numbers[std::min(kernel, number - 1)]];
-            a1_[kernel] = section.a1;
-            a2_[kernel] = section.a2;
-            s_[kernel] = section.s;
-            first_[kernel] = static_cast<T>(section.first);
-        }
+        at_.gather(number, [&](int kernel) -> const Section<T>& { return sections[numbers[kernel]]; });
         const hn::CappedTag<T, room> d;
         using V = hn::Vec<decltype(d)>;
         const RowShape<T>& shape = view_.shape;
@@ -463,7 +457,7 @@ class ProductBatch {
         };
         const V one = all(T(1)), near = all(T(2) * view_.deep * view_.spread);
         for (int kernel = 0; kernel < room; kernel += static_cast<int>(hn::Lanes(d))) {
-            const V s = hn::Load(d, s_ + kernel), first = hn::Load(d, first_ + kernel);
+            const V s = hn::Load(d, at_.s + kernel), first = hn::Load(d, at_.first + kernel);
             const V further = hn::Floor(hn::Mul(hn::Add(one, s), all(view_.deep)));
             hn::Store(hn::Min(hn::Add(first, hn::Max(further, hn::Neg(one))), all(static_cast<T>(last_slice_))), d,
                       last_ + kernel);
@@ -473,8 +467,8 @@ class ProductBatch {
             const V centre = hn::MulAdd(from_here, all(view_.spread), all(view_.depth));
             const V holds = hn::IfThenElseZero(hn::Gt(centre, near), one);
             const V per_depth = hn::Div(one, hn::IfThenElse(hn::Gt(centre, near), centre, one));
-            const V q1 = hn::MulAdd(to_centre, all(shape.d1), hn::Load(d, a1_ + kernel));
-            const V q2 = hn::MulAdd(to_centre, all(shape.d2), hn::Load(d, a2_ + kernel));
+            const V q1 = hn::MulAdd(to_centre, all(shape.d1), hn::Load(d, at_.a1 + kernel));
+            const V q2 = hn::MulAdd(to_centre, all(shape.d2), hn::Load(d, at_.a2 + kernel));
             const V y = hn::Neg(hn::Mul(hn::Mul(q2, all(view_.per_Y)), per_depth));
             const V x = hn::Sub(hn::Neg(hn::Mul(hn::Mul(q1, all(view_.per_X)), per_depth)),
                                 hn::Mul(all(shape.Y1 * view_.per_X), y));
@@ -507,7 +501,7 @@ class ProductBatch {
   private:
     const ProductView<T>& view_;
     const std::int32_t last_slice_;
-    HWY_ALIGN T a1_[room], a2_[room], s_[room], first_[room];
+    BatchPlaces<T, room> at_;
     HWY_ALIGN T x0_[room], y0_[room], x1_[room], y1_[room]; ///< pixels that it can touch
     HWY_ALIGN T x_c_[room], y_c_[room];                     ///< the pixel that its centre is in
     HWY_ALIGN T last_[room], holds_[room];

@@ -195,6 +195,24 @@ HWY_INLINE auto with_sums(const PartProfile<T>& profile, const Use& use) {
                                        : use(std::integral_constant<Sums, Sums::values>());
 }
 
+/// Where kernels of a batch are, a lane each.
+template <class T, int room>
+struct BatchPlaces {
+    HWY_ALIGN T a1[room], a2[room], s[room], first[room];
+
+    /// Of 1 to `room` kernels; in lanes that are left the last one again. section_of(kernel): its section.
+    template <class SectionOf>
+    HWY_INLINE void gather(int number, const SectionOf& section_of) {
+        for (int kernel = 0; kernel < room; ++kernel) {
+            const Section<T>& section = section_of(std::min(kernel, number - 1));
+            a1[kernel] = section.a1;
+            a2[kernel] = section.a2;
+            s[kernel] = section.s;
+            first[kernel] = static_cast<T>(section.first);
+        }
+    }
+};
+
 /// Kernels of one field on their way to the sheets of slices n ... n + covered_slices - 1; with_slopes: their
 /// derivatives are summed too.
 template <class T, bool with_slopes>

@@ -29,40 +29,33 @@ HWY_INLINE bool is_upright(const RowShape<T>& shape) {
     return shape.Y1 == T(0) && shape.d1 == T(0) && shape.d2 == T(0);
 }
 
+/// The pixels of a rectangle that a kernel can touch.
+template <class T>
+HWY_INLINE Rect box_in(const SectionExtra<T>& extra, const Rect& seen) {
+    return {std::max<int>(extra.x0, seen.x0), std::max<int>(extra.y0, seen.y0), std::min<int>(extra.x1, seen.x1),
+            std::min<int>(extra.y1, seen.y1)};
+}
+
 template <Sums sums, class T, bool slopes>
 HWY_INLINE int add_kernel(Splat<T, slopes>& splat, const Section<T>& section, const SectionExtra<T>& extra,
                           const RowShape<T>& shape, int count) {
     if (splat.setup.slab) {
-        const Rect& seen = splat.live.rect;
-        const Rect box{std::max<int>(extra.x0, seen.x0), std::max<int>(extra.y0, seen.y0),
-                       std::min<int>(extra.x1, seen.x1), std::min<int>(extra.y1, seen.y1)};
+        const Rect box = box_in(extra, splat.live.rect);
         if (box.empty()) {
             return 0;
         }
-        if constexpr (!slopes) {
-            if (is_upright(shape) && !splat.setup.perspective &&
-                splat.profile.root_falloff * std::abs(shape.ds) >= shortest_slab<T>) {
-                return add_upright_slabs<sums>(splat, section, extra.weight, shape, count, box);
-            }
+        if (is_upright(shape) && !splat.setup.perspective && splat.profile.integrates &&
+            splat.profile.root_falloff * std::abs(shape.ds) >= shortest_slab<T>) {
+            return add_upright_slabs<sums>(splat, section, extra.weight, shape, count, box);
         }
-        if constexpr (!slopes) {
-            const T way2 = shape.d1 * shape.d1 + shape.d2 * shape.d2 + shape.ds * shape.ds;
-            if (!splat.setup.perspective && splat.profile.integrates &&
-                splat.profile.root_falloff * std::sqrt(way2) >= shortest_leaning_slab<T>) {
-                return add_leaning_slabs<sums>(splat, section, extra.weight, shape, count, box);
-            }
-        }
-        return splat.setup.perspective ? add_slabs<sums, true>(splat, section, extra.weight, shape, count, box)
-                                       : add_slabs<sums, false>(splat, section, extra.weight, shape, count, box);
+        return add_ray_slabs<sums>(splat, section, extra.weight, shape, count, box);
     }
     if (is_upright(shape) && !splat.setup.perspective) {
         return add_spheres<sums>(splat, section, extra.weight, shape, T(1) / shape.X, count);
     }
     if constexpr (!slopes) {
         if (splat.setup.perspective && shape.Y1 == T(0) && extra.x0 < extra.x1) {
-            const Rect& seen = splat.live.rect;
-            const Rect box{std::max<int>(extra.x0, seen.x0), std::max<int>(extra.y0, seen.y0),
-                           std::min<int>(extra.x1, seen.x1), std::min<int>(extra.y1, seen.y1)};
+            const Rect box = box_in(extra, splat.live.rect);
             if (box.empty() || !splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
                 return 0;
             }

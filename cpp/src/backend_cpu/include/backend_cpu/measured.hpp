@@ -76,30 +76,15 @@ constexpr int most_factors = 256;
 /// Kernels that are summed before their sum is added to the picture.
 constexpr std::size_t summed_together = 8192;
 
-// Slabs. CpuRenderer.XRayOfOneKernelIsItsChordSum, Matrix.IsTheReferencesPictureWithoutAFloatingPointException
-
-/// Below this many of the Gaussian's own lengths a slab is integrated by quadrature: six nodes are exact there to the
-/// rounding of T (the remainder of 6-point Gauss-Legendre at a length of 1.4 is 1e-8, at 0.25 4e-17).
-template <class T>
-constexpr T thin_slab = sizeof(T) == 4 ? T(1.4) : T(0.25);
-
-/// Up to this product of falloff and slab (in the support's radii along the ray) means over slabs that lie inside the
-/// support are a series of so many terms that the rest is below the rounding of T.
-template <class T>
-constexpr T longest_series = T(3.7);
-
-/// Up to here four nodes are: their remainder at a length of 0.75 is 9e-8, at 0.03 6e-19.
-template <class T>
-constexpr T thinnest_slab = sizeof(T) == 4 ? T(0.75) : T(0.03);
+// Slabs. tests/python/test_slab_means.py; CpuRenderer.XRayOfOneKernelIsItsChordSum
 
 /// From so many of the Gaussian's own lengths on means over slabs are differences of its integral; errors of means are
-/// at most 2.2e-7 (float64 7e-16) over it.
+/// at most 2.2e-7 (float64 7e-16) over it. Below that they are a series whose terms are right to the rounding of T.
 template <class T>
-constexpr T shortest_slab = sizeof(T) == 4 ? T(0.5) : T(1e-3);
+constexpr T shortest_slab = sizeof(T) == 4 ? T(0.25) : T(1e-3);
 
-/// The same of kernels that lean.
-template <class T>
-constexpr T shortest_leaning_slab = sizeof(T) == 4 ? T(0.25) : T(1e-3);
+/// Up to so many slabs of a kernel are gone through on every ray: looking for its first and last one takes longer.
+constexpr int few_slabs = 5;
 
 /// Terms of the Gaussian's integral as a polynomial, and the largest falloff for which what is left out is below the
 /// rounding of T.

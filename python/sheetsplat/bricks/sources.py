@@ -10,7 +10,7 @@ import hashlib
 import math
 import os
 import pkgutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -263,10 +263,9 @@ def _source(name: str, token: str, volume: Volume, reader: Reader, stored: np.dt
     if kind.kind == "f" and kind.itemsize > 8:
         wanted = "at most float64"
         raise complain(f"{name} cannot be opened in bricks", f"samples of type {kind}", wanted, "convert them")
-    made = hashlib.blake2b(token.encode(), digest_size=12).hexdigest()
     return BrickSource(
         name,
-        made,
+        _digest(token.encode()),
         (nk, nj, ni),
         kind,
         reader,
@@ -278,6 +277,10 @@ def _source(name: str, token: str, volume: Volume, reader: Reader, stored: np.dt
     )
 
 
+def _digest(data: bytes | memoryview) -> str:
+    return hashlib.blake2b(data, digest_size=12).hexdigest()
+
+
 def _stand_in(shape: Any, dtype: Any) -> NDArray[Any]:
     """Return an array of a shape and a type that takes no memory."""
     return np.broadcast_to(np.zeros((), dtype), shape)
@@ -285,9 +288,9 @@ def _stand_in(shape: Any, dtype: Any) -> NDArray[Any]:
 
 def _of_numpy(data: Any) -> BrickSource:
     values = as_samples(data)
-    digest = hashlib.blake2b(values.data if values.size else b"", digest_size=12).hexdigest()
     volume = Volume(_stand_in(values.shape, values.dtype))
-    return _source("the array", f"{digest}{values.dtype.str}{values.shape}", volume, ArrayReader(values))
+    token = _digest(values.data if values.size else b"")
+    return _source("the array", f"{token}{values.dtype.str}{values.shape}", volume, ArrayReader(values))
 
 
 def _of_object(data: Any, name: str) -> BrickSource:
@@ -326,7 +329,7 @@ def _dask_token(data: Any) -> str:
 
         return str(tokenize(data))
     except ImportError:
-        return hashlib.blake2b(np.ascontiguousarray(data.values).data, digest_size=12).hexdigest()
+        return _digest(np.ascontiguousarray(data.values).data)
 
 
 def _file(text: str, options: Mapping[str, Any]) -> BrickSource:
@@ -369,10 +372,7 @@ def _raw(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
     from sheetsplat.io import raw
 
     shape, kind = raw.locate(source, **options)
-    nk, nj, ni = shape
-    stamp = Stamp.of(source.path)
-    reader = RawReader(stamp, (nk, nj, ni), kind, int(options.get("offset", 0)))
-    return _source(text, f"{stamp}{reader}", Volume(_stand_in(shape, kind)), reader)
+    return _as_they_are(source, text, shape, kind, int(options.get("offset", 0)))
 
 
 def _npy(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
@@ -380,6 +380,13 @@ def _npy(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
 
     shape, kind, offset, fortran = locate(source)
     check_volume(text, shape, kind)
+    return _as_they_are(source, text, shape, kind, offset, fortran)
+
+
+def _as_they_are(
+    source: Source, text: str, shape: Sequence[int], kind: np.dtype[Any], offset: int, fortran: bool = False
+) -> BrickSource:
+    """Return the source of a file that has its samples one after the other, from a byte on."""
     nk, nj, ni = shape
     stamp = Stamp.of(source.path)
     reader = RawReader(stamp, (nk, nj, ni), kind, offset, fortran)
@@ -398,8 +405,7 @@ def _hdf5(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
 def _zarr(source: Folder, text: str, options: Mapping[str, Any]) -> BrickSource:
     from sheetsplat.io.zarr_folders import locate, locate_coarser
 
-    located = locate(source, _chosen_name(options), options.get("step"))
-    located = replace(located, path=Path(os.path.abspath(located.path)))
+    located = _absolute(locate(source, _chosen_name(options), options.get("step")))
     volume = Volume(
         _stand_in(located.shape, located.dtype),
         located.spacing,
@@ -413,6 +419,11 @@ def _zarr(source: Folder, text: str, options: Mapping[str, Any]) -> BrickSource:
     return made.replace(coarser=tuple(_level(text, made, one) for one in others if _is_coarser(one, made)))
 
 
+def _absolute(located: Any) -> Any:
+    """Return a scale whose path means the same to other processes."""
+    return replace(located, path=Path(os.path.abspath(located.path)))
+
+
 def _zarr_token(located: Any) -> str:
     return f"{located.path}{located.index}{os.stat(located.path).st_mtime_ns}"
 
@@ -424,7 +435,7 @@ def _is_coarser(located: Any, source: BrickSource) -> bool:
 
 
 def _level(text: str, source: BrickSource, located: Any) -> Level:
-    located = replace(located, path=Path(os.path.abspath(located.path)))
+    located = _absolute(located)
     name = f"{text}, {located.path.name}"
     volume = Volume(_stand_in(located.shape, located.dtype), located.spacing, located.origin)
     coarse = _source(name, _zarr_token(located), volume, ZarrReader(located))

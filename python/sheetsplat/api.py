@@ -28,7 +28,7 @@ from sheetsplat._checks import (
 from sheetsplat._objects import kind_of_object
 from sheetsplat.camera import Camera
 from sheetsplat.errors import InvalidInput, complain, option_ref, option_refs, unusable
-from sheetsplat.fields import EllipsoidField, Field, RegularField, is_in_bricks
+from sheetsplat.fields import EllipsoidField, Field, RegularField, any_in_bricks
 from sheetsplat.framing import compose_camera, fitting_depth_cue
 from sheetsplat.image import Image
 from sheetsplat.look.compose import compose_scene, suggested_look
@@ -289,7 +289,7 @@ class Prepared:
 
     def render(self) -> Image:
         """Return the picture; raises what `Renderer.render` does."""
-        if any(map(is_in_bricks, self.scene.fields)):
+        if any_in_bricks(self.scene.fields):
             from sheetsplat.bricks.picture import draw
 
             return draw(

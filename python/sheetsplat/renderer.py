@@ -16,7 +16,7 @@ from sheetsplat._checks import check_progress, image_size, instance, names, numb
 from sheetsplat.camera import Camera
 from sheetsplat.effect_names import check_effects
 from sheetsplat.errors import Unsupported, complain, option_ref, unusable
-from sheetsplat.fields import is_in_bricks
+from sheetsplat.fields import any_in_bricks
 from sheetsplat.image import ErrorEstimate, Image
 from sheetsplat.limits import Depths, checked_depths
 from sheetsplat.look import empty
@@ -70,7 +70,7 @@ class _View(NamedTuple):
         """Return the view of arguments, or InvalidInput."""
         instance("Renderer: scene", scene, Scene)
         instance("Renderer: camera", camera, Camera)
-        if any(map(is_in_bricks, scene.fields)):
+        if any_in_bricks(scene.fields):
             raise complain(
                 "Renderer: the scene cannot be drawn",
                 "data in bricks",

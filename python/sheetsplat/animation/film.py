@@ -40,7 +40,7 @@ from sheetsplat.bricks.picture import Begun
 from sheetsplat.bricks.picture import draw as draw_in_bricks
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Cancelled, Unsupported, complain, option_ref
-from sheetsplat.fields import is_in_bricks
+from sheetsplat.fields import any_in_bricks
 from sheetsplat.image import Image
 from sheetsplat.io.pictures import check_folder, listed_suffixes, whole_file
 from sheetsplat.notices import warn
@@ -451,7 +451,7 @@ def _alone(client: Any, frame: Frame) -> int:
 def _in_bricks(frame: Frame) -> bool:
     if isinstance(frame, PictureFrame) or not isinstance(frame.source, OneScene):
         return False
-    return any(map(is_in_bricks, frame.source.template.fields))
+    return any_in_bricks(frame.source.template.fields)
 
 
 def _counted(frames: Iterator[tuple[int, bytes]], count: int) -> Iterator[tuple[int, bytes]]:

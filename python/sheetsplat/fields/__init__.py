@@ -2,7 +2,7 @@
 
 from sheetsplat.fields.base import Field, Normalization, as_fields, joined_bounds
 from sheetsplat.fields.bricked import BrickedField
-from sheetsplat.fields.bricked_kernels import BrickedKernels, KernelFacts, has_values_at_points, is_in_bricks
+from sheetsplat.fields.bricked_kernels import BrickedKernels, KernelFacts, any_in_bricks, has_values_at_points
 from sheetsplat.fields.ellipsoid import EllipsoidField
 from sheetsplat.fields.regular import Lattice, NanPolicy, RegularField, as_samples
 
@@ -19,6 +19,6 @@ __all__ = [
     "as_fields",
     "as_samples",
     "has_values_at_points",
-    "is_in_bricks",
+    "any_in_bricks",
     "joined_bounds",
 ]

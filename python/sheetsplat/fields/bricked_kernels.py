@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, NoReturn, Protocol
 
@@ -189,9 +190,9 @@ class BrickedKernels(EllipsoidField):
         )
 
 
-def is_in_bricks(field: Field) -> bool:
-    """Return whether a field is read in bricks."""
-    return isinstance(field, BrickedField | BrickedKernels)
+def any_in_bricks(fields: Iterable[Field]) -> bool:
+    """Return whether one of some fields is read in bricks."""
+    return any(isinstance(field, BrickedField | BrickedKernels) for field in fields)
 
 
 def has_values_at_points(field: Field) -> bool:

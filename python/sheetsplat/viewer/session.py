@@ -18,7 +18,7 @@ from sheetsplat.api import Prepared
 from sheetsplat.bricks.picture import draw as draw_in_bricks
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Cancelled, Error, Unsupported, complain
-from sheetsplat.fields import is_in_bricks
+from sheetsplat.fields import any_in_bricks
 from sheetsplat.image import Image
 from sheetsplat.notices import PictureWarning, muted, taken
 from sheetsplat.options.renderer import Progress
@@ -363,7 +363,7 @@ class Session:
                 return
             resumed = time.perf_counter()
             pictures: Iterable[Image]
-            if _in_bricks(scene):
+            if any_in_bricks(scene.fields):
                 if not self._rested(version):
                     return
                 pictures = [self._drawn_in_bricks(scene, state, size, progress)]
@@ -378,7 +378,7 @@ class Session:
                 stage += 1
                 if self._superseded(version):
                     return
-            if self._first_seconds > _SLOW and not _in_bricks(scene):
+            if self._first_seconds > _SLOW and not any_in_bricks(scene.fields):
                 # Sooner than it is needed.
                 self.shown.coarse(scene.fields, (state.choice, state.time))
         except Cancelled:
@@ -391,7 +391,7 @@ class Session:
 
     def _preview(self, scene: Scene, state: State, size: tuple[int, int]) -> bool:
         """Show a picture of coarse copies of the data, where the first stage of the data themselves is slow."""
-        if self._first_seconds <= _SLOW and not _in_bricks(scene):
+        if self._first_seconds <= _SLOW and not any_in_bricks(scene.fields):
             return False
         fields = self.shown.coarse(scene.fields, (state.choice, state.time))
         if fields is None:
@@ -569,7 +569,7 @@ class Session:
             share = min(1.0, (_MEASURED / (width * height)) ** 0.5)
             size = max(16, int(width * share)), max(16, int(height * share))
             scene = compose.scene_of(self.shown, state)
-            if _in_bricks(scene):
+            if any_in_bricks(scene.fields):
                 found_there = "data in bricks, which are drawn elsewhere"
                 raise complain("effects cannot be measured", found_there, "data in memory", kind=Unsupported)
             plan = self._renderer.measure_effects(scene, state.camera, size, repeats=1, progress=progress)
@@ -581,10 +581,6 @@ class Session:
             client.send({"type": "measured", "what": what, "stopped": True})
             return
         client.send({"type": "measured", "what": what, "stopped": False})
-
-
-def _in_bricks(scene: Scene) -> bool:
-    return any(map(is_in_bricks, scene.fields))
 
 
 def _text(error: Error) -> str:

@@ -419,3 +419,12 @@ def test_the_page_asks_for_nothing_from_elsewhere():
         if path.suffix in (".js", ".css", ".html"):
             text = path.read_text(encoding="utf-8")
             assert "http://" not in text and "https://" not in text and "innerHTML" not in text, path
+
+
+def test_a_measurement_without_a_picture_ends(opened):
+    session = opened()
+    page = Page(session)
+    page.wait("about")
+    session._image = None
+    page.say(type="measure", what="error")
+    assert page.wait("measured")[0] == {"type": "measured", "what": "error", "stopped": False}

@@ -231,7 +231,7 @@ class Session:
         try:
             state, told = self._after(self.state, changes)
         except Error as error:
-            client.send({"type": "error", "text": _text(error)})
+            client.send(_error_message(str(error)))
             with self._wake:
                 self._owe_state(client)
                 self._wake.notify_all()
@@ -315,10 +315,10 @@ class Session:
         try:
             yield
         except Error as error:
-            self._tell({"type": "error", "text": _text(error)})
+            self._tell(_error_message(str(error)))
         except Exception as error:  # A fault of the program.
             _log.exception("the viewer met an error")
-            self._tell({"type": "error", "text": f"{type(error).__name__}: {error}"[:_LONGEST_TEXT]})
+            self._tell(_error_message(f"{type(error).__name__}: {error}"))
 
     def _has_work(self) -> bool:
         waits = self._version != self._drawn and bool(self._clients)
@@ -433,7 +433,7 @@ class Session:
 
     def _fail(self, error: Error, state: State, version: int) -> None:
         """Tell why a state cannot be shown, and go back to the last one that could be."""
-        self._tell({"type": "error", "text": _text(error)})
+        self._tell(_error_message(str(error)))
         with self._wake:
             if self._version != version or self._good == state:
                 return
@@ -487,7 +487,7 @@ class Session:
         try:
             actions[message.type](client, **message.parts)
         except Error as error:
-            client.send({"type": "error", "text": _text(error)})
+            client.send(_error_message(str(error)))
 
     def _tell_state(self, clients: list[Client]) -> None:
         state = self.state
@@ -555,33 +555,41 @@ class Session:
             return not (self._stopped or self._closed or client.gone)
 
         client.send({"type": "measuring", "what": what})
-        state = self.state
+        stopped = False
         try:
             if what == "error":
-                if self._image is None:
-                    return
-                found = self._image.estimate_error(progress)
-                payload, largest = frames.error_map(found.map)
-                told = {"type": "error_map", "rmse": found.rmse, "budget": found.budget, "largest": largest}
-                client.send(told, payload)
-                return
-            width, height = self.size
-            share = min(1.0, (_MEASURED / (width * height)) ** 0.5)
-            size = max(16, int(width * share)), max(16, int(height * share))
-            scene = compose.scene_of(self.shown, state)
-            if any_in_bricks(scene.fields):
-                found_there = "data in bricks, which are drawn elsewhere"
-                raise complain("effects cannot be measured", found_there, "data in memory", kind=Unsupported)
-            plan = self._renderer.measure_effects(scene, state.camera, size, repeats=1, progress=progress)
-            self._costs = {one.name: one.cost_ms for one in plan.effects}
-            self._tell({"type": "costs", "size": size, "picture": plan.picture_ms, "costs": self._costs})
-        except (Cancelled, Unsupported) as error:
-            if isinstance(error, Unsupported):
-                client.send({"type": "error", "text": _text(error)})
-            client.send({"type": "measured", "what": what, "stopped": True})
+                self._measure_error(client, progress)
+            else:
+                self._measure_effects(progress)
+        except Cancelled:
+            stopped = True
+        except Unsupported as error:
+            client.send(_error_message(str(error)))
+            stopped = True
+        client.send({"type": "measured", "what": what, "stopped": stopped})
+
+    def _measure_error(self, client: Client, progress: Progress) -> None:
+        """Send the error of the picture that is shown, as a map; nothing where there is none yet."""
+        if self._image is None:
             return
-        client.send({"type": "measured", "what": what, "stopped": False})
+        found = self._image.estimate_error(progress)
+        payload, largest = frames.error_map(found.map)
+        client.send({"type": "error_map", "rmse": found.rmse, "budget": found.budget, "largest": largest}, payload)
+
+    def _measure_effects(self, progress: Progress) -> None:
+        """Tell all pages what each effect costs, measured in a small picture."""
+        state = self.state
+        width, height = self.size
+        share = min(1.0, (_MEASURED / (width * height)) ** 0.5)
+        size = max(16, int(width * share)), max(16, int(height * share))
+        scene = compose.scene_of(self.shown, state)
+        if any_in_bricks(scene.fields):
+            found = "data in bricks, which are drawn elsewhere"
+            raise complain("effects cannot be measured", found, "data in memory", kind=Unsupported)
+        plan = self._renderer.measure_effects(scene, state.camera, size, repeats=1, progress=progress)
+        self._costs = {one.name: one.cost_ms for one in plan.effects}
+        self._tell({"type": "costs", "size": size, "picture": plan.picture_ms, "costs": self._costs})
 
 
-def _text(error: Error) -> str:
-    return str(error)[:_LONGEST_TEXT]
+def _error_message(text: str) -> dict[str, Any]:
+    return {"type": "error", "text": text[:_LONGEST_TEXT]}

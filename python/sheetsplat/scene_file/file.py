@@ -42,6 +42,11 @@ _TOP = ("format", "version", "exact", *SECTIONS)
 # What a file says of its data beside the options of `open`; all but the first in exact scenes only.
 _OF_EXACT_DATA = ("kind", "group", "trim", "ghost_points")
 _OF_DATA = ("file", *_OF_EXACT_DATA)
+# What a camera with an eye has beside the options of cameras that are fitted.
+_OF_EYE = ("eye", "height", "near")
+_MORE_KEYS = {"data": _OF_DATA, "camera": _OF_EYE}
+# Arguments of `render` that are neither data nor scene.
+_OF_PICTURE = ("quality", "size", "camera", "outputs", "progress", "depth_limit", *definitions(CameraOptions))
 # Options of the look of which one replaces the others.
 _COLOURS = ("cmap", "opacity", "clim")
 Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
@@ -195,8 +200,7 @@ class SceneFile:
             given |= {name: value for name, value in renderer.settings.items() if value != known[name].default}
         camera = given.pop("camera", None)
         for section in SECTIONS:
-            taken = {name: plain(name, given.pop(name)) for name in options_of(section) if name in given}
-            tables[section] = taken
+            tables[section] = {name: plain(name, given.pop(name)) for name in options_of(section) if name in given}
         if isinstance(camera, Camera):
             tables["camera"] = camera_table(camera)
         for name in given:
@@ -255,8 +259,7 @@ class SceneFile:
             with self._checking(*place):
                 if not isinstance(one, dict):
                     raise complain(unusable(section), shown(one), f"a table [{section}]")
-                extra = _OF_DATA if section == "data" else ("eye", "height", "near") if section == "camera" else ()
-                check_keys(one, [*extra, *options_of(section)], f"[{section}]")
+                check_keys(one, [*_MORE_KEYS.get(section, ()), *options_of(section)], f"[{section}]")
             for name, value in one.items():
                 with self._checking(*place, name):
                     self._check_value(section, name, value)
@@ -264,7 +267,7 @@ class SceneFile:
                 with self._checking(*place):
                     camera_of(one)
             elif section == "camera":
-                for name in ("height", "near"):
+                for name in _OF_EYE:
                     if name in one:
                         with self._checking(*place, name):
                             raise complain(unusable(name), "a camera without an eye", "eye and target with it")
@@ -281,7 +284,7 @@ class SceneFile:
             if name == "group" and (type(value) is not int or not 0 <= value < 256):
                 raise complain(unusable(name), shown(value), "the number of a group, from 0 on")
             return
-        if section == "camera" and name in ("eye", "height", "near"):
+        if section == "camera" and name in _OF_EYE:
             return
         option = options_of(section)[name]
         if class_of(option)[1] and isinstance(value, list):
@@ -520,9 +523,6 @@ class SceneFile:
         """Return a short description."""
         files = ", ".join(map(str, self.files)) or "no files"
         return f"SceneFile({files}{', exact' if self.is_exact else ''})"
-
-
-_OF_PICTURE = ("quality", "size", "camera", "outputs", "progress", "depth_limit", *definitions(CameraOptions))
 
 
 def _paths(data: Paths) -> list[str | os.PathLike[str]]:

@@ -106,8 +106,17 @@ class Scene:
         **options: Unpack[SceneOptions],
     ) -> None:
         check_names("Scene", options, SceneOptions)
-        self._groups, self._quality = _groups(field, transfer_function), None
-        self._options = checked("Scene", options, SceneOptions)
+        self._make(_groups(field, transfer_function), checked("Scene", options, SceneOptions))
+
+    @classmethod
+    def of_checked(cls, field: Field, transfer_function: TransferFunction, options: Mapping[str, Any]) -> Scene:
+        """Return the scene of a field with all options of another one, `Scene.options`, which are not checked again."""
+        made = cls.__new__(cls)
+        made._make([((field,), transfer_function)], dict(options))
+        return made
+
+    def _make(self, groups: list[tuple[tuple[Field, ...], TransferFunction]], options: dict[str, Any]) -> None:
+        self._groups, self._options, self._quality = groups, options, None
         native = {name: _native(value) for name, value in self._options.items()}
         # The engine makes the numbers of a scalar picture; the image makes their colours, and the mean of samples.
         del native["scalar_colors"], native["supersampling"]
@@ -115,13 +124,13 @@ class Scene:
         native["second_order"] = native["preintegration"] == "second_order"
         native["preintegration"] = bool(native["preintegration"])
         native["iso_value"] = self.surfaces
-        groups = [([one.native for one in fields], function.native) for fields, function in self._groups]
+        natives = [([one.native for one in fields], function.native) for fields, function in groups]
         spacings = [one.default_slice_spacing for one in self.fields if isinstance(one, BrickedKernels)]
         for length in ("slice_spacing", "reference_length"):
             # The native field of kernels in bricks is a sample, which would have slices farther apart.
             if native[length] is None and spacings:
                 native[length] = min(spacings)
-        self.native = _sheetsplat.Scene(groups, **native)
+        self.native = _sheetsplat.Scene(natives, **native)
 
     def replace(self, **changes: Any) -> Scene:
         """Return a scene with some options changed and all others as in this one.

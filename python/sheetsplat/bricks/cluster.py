@@ -16,6 +16,7 @@ import uuid
 import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ from sheetsplat.bricks.levels import LevelStore
 from sheetsplat.bricks.light import light_key, planned_light
 from sheetsplat.bricks.needs import may_dim, may_show, source_key
 from sheetsplat.bricks.partial import Finished, empty, finish
-from sheetsplat.bricks.partition import Nested, Partition, leaves
+from sheetsplat.bricks.partition import MERGED, Grouped, Partition, grouped
 from sheetsplat.bricks.probe import Probing
 from sheetsplat.bricks.sources import BrickSource
 from sheetsplat.bricks.statistics import BrickSurvey, SurveyPlan
@@ -58,8 +59,6 @@ from sheetsplat.errors import Cancelled, Error, Unsupported, complain, missing_p
 from sheetsplat.fields import BrickedField, BrickedKernels
 from sheetsplat.options.renderer import Progress
 
-# Parts that one task merges, at most: fewer tasks, and what they take still fits.
-_MERGED = 8
 # Seconds between two looks at how much is done.
 _LOOK = 0.05
 # Seconds between two looks at which workers there are, and how many may be lost in one picture.
@@ -160,14 +159,16 @@ class _Cluster:
             self._places[(token, number)] = found
         return found
 
-    def kept(self, key: bytes, make: Callable[[], Any]) -> Any:
-        """Return the future of what one picture made for those after it, which another one makes anew."""
+    def kept(self, key: bytes) -> Any:
+        """Return the future of what an earlier picture made, or None."""
         found, workers = self._kept.get(key, (None, frozenset()))
         # What is made by workers that are gone would be waited for in vain.
-        if found is None or found.status not in ("pending", "finished") or not workers <= set(self.workers):
-            found = make()
-        self._kept = {key: (found, frozenset(self.workers))}
-        return found
+        usable = found is not None and found.status in ("pending", "finished") and workers <= set(self.workers)
+        return found if usable else None
+
+    def keep(self, key: bytes, future: Any) -> None:
+        """Keep what one picture makes for those after it, in place of what was kept before."""
+        self._kept = {key: (future, frozenset(self.workers))}
 
     def drop_unfinished(self) -> None:
         """Give up what was to be kept and is not made yet, unless a picture waits for it."""
@@ -244,13 +245,13 @@ class Pending:
     what
         Its name, for messages.
     submit
-        Submits all tasks to workers that are there, and returns their futures, the result last.
+        Submits all tasks to workers that are there, and returns their futures by their keys, the result last.
     convert
         Makes the result of what the last future gives.
     """
 
     def __init__(
-        self, client: Any, what: str, submit: Callable[[_Cluster], list[Any]], convert: Callable[[Any], Any]
+        self, client: Any, what: str, submit: Callable[[_Cluster], dict[str, Any]], convert: Callable[[Any], Any]
     ) -> None:
         self._client, self._what, self._submit, self._convert = client, what, submit, convert
         self._tasks: list[Any] = []
@@ -262,7 +263,7 @@ class Pending:
         cluster.check()
         self._workers = set(cluster.workers)
         with _connected(self._client):
-            self._tasks = self._submit(cluster)
+            self._tasks = list(self._submit(cluster).values())
             done = threading.Event()
             self._tasks[-1].add_done_callback(lambda _: done.set())
         self._done, self._watched = done, time.monotonic()
@@ -336,7 +337,7 @@ class Pending:
 
 
 class _Tasks:
-    """Submits the tasks of one run, by readable names.
+    """The tasks of one run, by readable names: a graph that is submitted in one message.
 
     Parameters
     ----------
@@ -345,54 +346,56 @@ class _Tasks:
     source
         What the tasks read.
     shared
-        What else all of them take.
-    count
-        How many bricks or pieces there are: what is shared by several is sent once, and is one object for all of them.
+        What else all of them take. It is sent once, and is one object for all tasks of a worker.
     """
 
-    def __init__(self, client: Any, cluster: _Cluster, source: Any, shared: Any, count: int) -> None:
+    def __init__(self, client: Any, cluster: _Cluster, source: Any, shared: Any) -> None:
         self._client, self._cluster, self._source = client, cluster, source
         self._run, self._names = uuid.uuid4().hex, itertools.count()
-        self._sent, self._shared = cluster.sent(client, source), shared
-        # All of them: what a scheduler is told of in one message it may forget before it has understood the next one,
-        # whose tasks take it, unless it is wanted for itself.
-        self.submitted: list[Any] = []
-        if count > 1:
-            # As a task, whose result is made again where a worker takes it along.
-            self._shared = client.submit(same, shared, key=f"plan-{self._run}")
-            self.submitted.append(self._shared)
+        self._sent = cluster.sent(client, source)
+        # By the worker that they are asked of; None: any.
+        self._tasks: dict[str | None, dict[str, tuple[Any, ...]]] = {}
+        self._keys: list[str] = []
+        # As a task, whose result is made again where a worker takes it along.
+        self._shared = self._add(None, f"plan-{self._run}", partial(same, shared))
 
-    def place(self, name: str, function: Callable[..., Any], number: int, *more: Any) -> Any:
-        """Submit ``function(shared, source, number, *more)`` to the worker that a brick or a piece is asked of."""
-        workers = [self._cluster.place(self._source.token, number)]
-        key = f"{name}-{self._run}-{number}"
-        future = self._client.submit(function, self._shared, self._sent, number, *more, key=key, workers=workers)
-        self.submitted.append(future)
-        return future
+    def _add(self, worker: str | None, key: str, function: Callable[..., Any], *given: Any) -> str:
+        self._tasks.setdefault(worker, {})[key] = (function, *given)
+        self._keys.append(key)
+        return key
 
-    def anywhere(self, name: str, function: Callable[..., Any], *more: Any) -> Any:
-        """Submit ``function(shared, *more)`` to any worker."""
-        key = f"{name}-{self._run}-{next(self._names)}"
-        future = self._client.submit(function, self._shared, *more, key=key)
-        self.submitted.append(future)
-        return future
+    def place(self, name: str, function: Callable[..., Any], number: int, *more: Any) -> str:
+        """Add ``function(shared, source, number, *more)``, for the worker that a brick or a piece is asked of.
 
-    def merged(self, name: str, function: Callable[..., Any], tasks: Sequence[Any]) -> list[Any]:
-        """Submit merges of results in their order, a few at a time; return all tasks of this run, the last one last."""
-        self._merged(name, function, tasks, 1)
-        return self.submitted
+        Tasks are named by the key that is returned, and take what those have made whose keys they are given.
+        """
+        worker = self._cluster.place(self._source.token, number)
+        return self._add(worker, f"{name}-{self._run}-{number}", function, self._shared, self._sent, number, *more)
 
-    def merged_into(
-        self, merge: tuple[str, Callable[..., Any]], last: tuple[str, Callable[..., Any]], tasks: Sequence[Any]
-    ) -> Any:
-        """Submit merges of results in their order, and what makes something of the last few; return that."""
-        return self.anywhere(*last, *self._merged(*merge, tasks, _MERGED))
+    def anywhere(self, name: str, function: Callable[..., Any], *more: Any) -> str:
+        """Add ``function(shared, *more)``, for any worker."""
+        return self._add(None, f"{name}-{self._run}-{next(self._names)}", function, self._shared, *more)
 
-    def _merged(self, name: str, function: Callable[..., Any], tasks: Sequence[Any], left: int) -> list[Any]:
+    def merged(self, name: str, function: Callable[..., Any], tasks: Sequence[str], left: int = 1) -> list[str]:
+        """Add merges of results in their order, a few at a time; return the last ones, so many at most."""
         level = list(tasks)
         while len(level) > left:
-            level = [self.anywhere(name, function, *level[at : at + _MERGED]) for at in range(0, len(level), _MERGED)]
+            level = [self.anywhere(name, function, *level[at : at + MERGED]) for at in range(0, len(level), MERGED)]
         return level
+
+    def submit(self) -> dict[str, Any]:
+        """Submit all tasks; return their futures by their keys, in the order in which they were added."""
+        from dask.highlevelgraph import HighLevelGraph, MaterializedLayer
+
+        layers = {
+            f"{worker}-{self._run}": MaterializedLayer(
+                tasks, annotations=None if worker is None else {"workers": [worker]}
+            )
+            for worker, tasks in self._tasks.items()
+        }
+        graph = HighLevelGraph(layers, {name: set() for name in layers})
+        # All of them are wanted, for progress tells how many are done; what is not needed any more is let go later.
+        return dict(zip(self._keys, self._client.get(graph, self._keys, sync=False), strict=True))
 
 
 def _each(
@@ -401,9 +404,10 @@ def _each(
 ) -> Any:  # fmt: skip
     """Return what a task says of each brick or piece, merged."""
 
-    def submit(cluster: _Cluster) -> list[Any]:
-        tasks = _Tasks(client, cluster, source, shared, count)
-        return tasks.merged(*merge, [tasks.place(*task, number) for number in range(count)])
+    def submit(cluster: _Cluster) -> dict[str, Any]:
+        tasks = _Tasks(client, cluster, source, shared)
+        tasks.merged(*merge, [tasks.place(*task, number) for number in range(count)])
+        return tasks.submit()
 
     return Pending(client, source.name, submit, lambda one: one).result()
 
@@ -449,10 +453,11 @@ def probe(
 ) -> dict[int, tuple[NDArray[np.float64], NDArray[np.int64]]]:
     """Return what `Probing.sums` says of the points in each of some bricks; raises what `survey` does."""
 
-    def submit(cluster: _Cluster) -> list[Any]:
-        tasks = _Tasks(client, cluster, source, probing, len(jobs))
+    def submit(cluster: _Cluster) -> dict[str, Any]:
+        tasks = _Tasks(client, cluster, source, probing)
         asked = [tasks.place("probe-brick", probe_brick, number, places) for number, places in jobs.items()]
-        return tasks.merged("merge-values", merge_values, asked)
+        tasks.merged("merge-values", merge_values, asked)
+        return tasks.submit()
 
     found: dict[int, tuple[NDArray[np.float64], NDArray[np.int64]]]
     found = Pending(client, source.name, submit, lambda one: one).result()
@@ -474,43 +479,40 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
     shown = [number for number in view.order() if may_show(field, view, number)]
     dimming = [] if view.light is None else [n for n in range(len(view.partition)) if may_dim(field, view, n)]
     behind = {} if view.any_order else covering(view, shown)
-    tree = _without(view.nested(), set(shown))
-
+    tree = grouped(view.nested(), shown)
     of_light = 0
 
-    def light_by(cluster: _Cluster, tasks: _Tasks) -> Any:
-        if view.light is None:
-            return None
-
-        def make() -> Any:
-            nonlocal of_light
-            of_light = len(dimming)
-            pieces = [tasks.place("light-brick", light_brick, number) for number in dimming]
-            made = tasks.merged_into(("merge-light", merge_light), ("make-light", make_light), pieces)
-            # It outlives the picture.
-            tasks.submitted.remove(made)
-            return made
-
-        return cluster.kept(light_key(view, source_key(field)), make)
-
-    def submit(cluster: _Cluster) -> list[Any]:
-        tasks = _Tasks(client, cluster, source, view, len(shown) + len(dimming))
+    def submit(cluster: _Cluster) -> dict[str, Any]:
+        nonlocal of_light
+        tasks = _Tasks(client, cluster, source, view)
         if tree is None:
             tasks.anywhere("merge", _blank)
-            return tasks.submitted
-        light = light_by(cluster, tasks)
-        reads = tasks.anywhere("count-light", counts_of, light) if of_light else None
-        drawn: dict[int, Any] = {}
+            return tasks.submit()
+        key = None if view.light is None else light_key(view, source_key(field))
+        light = None if key is None else cluster.kept(key)
+        reads = made = None
+        if key is not None and light is None:
+            of_light = len(dimming)
+            pieces = [tasks.place("light-brick", light_brick, number) for number in dimming]
+            light = made = tasks.anywhere(
+                "make-light", make_light, *tasks.merged("merge-light", merge_light, pieces, MERGED)
+            )
+            reads = tasks.anywhere("count-light", counts_of, light)
+        drawn: dict[int, str] = {}
         for number in shown:
             before = (drawn[one] for one in behind.get(number, ()))
             drawn[number] = tasks.place("render-brick", render_brick, number, light, *before)
 
-        def merged(nested: Nested, parts: Sequence[Any]) -> Any:
-            return tasks.anywhere("merge", merge_parts, nested, *parts)
+        def merged(group: Grouped) -> str:
+            return drawn[group] if isinstance(group, int) else tasks.anywhere("merge", merge_parts, *map(merged, group))
 
-        nested, parts = _level(tree, drawn, merged)
-        tasks.anywhere("merge", finish_picture, nested, reads, *parts)
-        return tasks.submitted
+        last = [drawn[tree]] if isinstance(tree, int) else map(merged, tree)
+        tasks.anywhere("merge", finish_picture, reads, *last)
+        futures = tasks.submit()
+        if key is not None and made is not None:
+            # It outlives the picture.
+            cluster.keep(key, futures.pop(made))
+        return futures
 
     def convert(found: tuple[Finished, tuple[int, ...]]) -> tuple[Finished, dict[str, float]]:
         finished, (reads, count, done, coarse) = found
@@ -529,41 +531,6 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
 
 def _blank(view: BrickView) -> tuple[Finished, tuple[int, ...]]:
     return finish(view, empty(view)), (0, 0, 0, 0)
-
-
-def _without(nested: Nested, shown: set[int]) -> Nested | None:
-    """Return pairs of pairs without the bricks that are not drawn."""
-    if isinstance(nested, int):
-        return nested if nested in shown else None
-    front, back = _without(nested[0], shown), _without(nested[1], shown)
-    if front is None or back is None:
-        return front if back is None else back
-    return front, back
-
-
-#: Submits the merge of parts, whose numbers count them.
-_Merge = Callable[[Nested, Sequence[Any]], Any]
-
-
-def _submitted(nested: Nested, drawn: Mapping[int, Any], submit: _Merge) -> Any:
-    """Return the future of all parts merged, a few at a time."""
-    return drawn[nested] if isinstance(nested, int) else submit(*_level(nested, drawn, submit))
-
-
-def _level(nested: Nested, drawn: Mapping[int, Any], submit: _Merge) -> tuple[Nested, list[Any]]:
-    """Return what the last merge of all parts takes, after the others were submitted."""
-    numbers = leaves(nested)
-    if len(numbers) <= _MERGED:
-        places = {number: place for place, number in enumerate(numbers)}
-        return _renumbered(nested, places), [drawn[number] for number in numbers]
-    assert not isinstance(nested, int)
-    return (0, 1), [_submitted(one, drawn, submit) for one in nested]
-
-
-def _renumbered(nested: Nested, places: Mapping[int, int]) -> Nested:
-    if isinstance(nested, int):
-        return places[nested]
-    return _renumbered(nested[0], places), _renumbered(nested[1], places)
 
 
 def covering(view: BrickView, numbers: Sequence[int]) -> dict[int, list[int]]:

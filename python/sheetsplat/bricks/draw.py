@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.bricks.partial import Finished, Partial, empty, finish, merge
-from sheetsplat.bricks.partition import Nested
+from sheetsplat.bricks.partition import Grouped, grouped
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.fields import Field
 from sheetsplat.options.renderer import OUTPUTS, Progress
@@ -50,7 +50,7 @@ def native_part(
     options["background"] = None
     if in_front is None:
         options["opacity_stop"] = 1.0
-    native = Scene(field, view.transfer_function, **options).native
+    native = Scene.of_checked(field, view.transfer_function, options).native
     return native.with_part(
         cell=view.cell(number), centres=view.whole.centres, depths=depths, in_front=in_front, light=light
     )
@@ -150,6 +150,9 @@ def is_hidden(view: BrickView, number: int, in_front: NDArray[np.float32]) -> bo
     """Return whether all pixels that a brick can change are finished by what is in front: (h, w) of its footprint."""
     if view.is_scalar or "coverage" in view.outputs:
         return False
+    middle = view.places.middle(number)
+    if middle is not None and in_front[middle[1], middle[0]] < view.opacity_stop:
+        return False
     return bool((in_front[view.outline(number)] >= view.opacity_stop).all())
 
 
@@ -159,6 +162,7 @@ def render_bricks(
     renderer: Renderer | None = None,
     progress: Progress | None = None,
     light: Any = None,
+    shown: Collection[int] | None = None,
 ) -> Finished:
     """Return a picture that is drawn brick after brick, from front to back, in this process.
 
@@ -177,6 +181,8 @@ def render_bricks(
         Called with the share of bricks that are done; False stops.
     light
         As for `draw_brick`.
+    shown
+        The bricks that may show; all unless given.
 
     Raises
     ------
@@ -188,7 +194,8 @@ def render_bricks(
     drawing = Renderer(**view.settings) if renderer is None else renderer
     width, height = view.size
     in_front = None if view.is_scalar or view.any_order else np.zeros((height, width), np.float32)
-    count, done = len(view.partition), 0
+    shown = range(len(view.partition)) if shown is None else shown
+    count, done = len(shown), 0
 
     def part_of(number: int) -> Partial:
         rect = view.footprint(number)
@@ -210,17 +217,17 @@ def render_bricks(
             before[:] = part.rgba[..., 3]
         return part
 
-    def merged(nested: Nested) -> Partial:
+    def merged(group: Grouped) -> Partial:
         """Draw and merge in the order in which a cluster does."""
         nonlocal done
-        if isinstance(nested, int):
-            part = part_of(nested)
-            done += 1
-            return part
-        front = merged(nested[0])
-        return merge(front, merged(nested[1]))
+        if not isinstance(group, int):
+            return merge(*map(merged, group))
+        part = part_of(group)
+        done += 1
+        return part
 
-    return finish(view, merged(view.nested()))
+    tree = grouped(view.nested(), shown)
+    return finish(view, empty(view) if tree is None else merged(tree))
 
 
 def _decided(view: BrickView, field_of: FieldOf) -> BrickView:

@@ -7,7 +7,7 @@ The kernels that a brick needs beside its own, its ghosts, follow from how far b
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -21,6 +21,10 @@ from sheetsplat.errors import complain
 
 #: Bricks in the order in which they are composited: a number, or the parts in front and behind.
 Nested: TypeAlias = "int | tuple[Nested, Nested]"
+#: Bricks in the order in which they are merged: a number, or what is merged at once, from front to back.
+Grouped: TypeAlias = "int | tuple[Grouped, ...]"
+#: Parts that are merged at once, at most: fewer tasks, and what they take still fits.
+MERGED = 8
 EVERYWHERE: Bounds = ((-math.inf,) * 3, (math.inf,) * 3)
 
 
@@ -157,9 +161,35 @@ def _leaves(nested: Nested) -> Iterator[int]:
             yield from _leaves(part)
 
 
-def leaves(nested: Nested) -> tuple[int, ...]:
-    """Return the numbers in pairs of pairs, in their order."""
-    return tuple(_leaves(nested))
+def grouped(nested: Nested, shown: Collection[int]) -> Grouped | None:
+    """Return how bricks are merged, a few at a time: neighbours first. It does not depend on where they are drawn.
+
+    Parameters
+    ----------
+    nested
+        All bricks, as `Partition.nested` returns them.
+    shown
+        Those that are drawn; without one of them there is nothing to merge.
+    """
+    groups, are_bricks = _groups(nested, set(shown))
+    groups = _closed(groups) if are_bricks else groups
+    while len(groups) > 1:
+        groups = [one for at in range(0, len(groups), MERGED) for one in _closed(groups[at : at + MERGED])]
+    return groups[0] if groups else None
+
+
+def _groups(nested: Nested, shown: Collection[int]) -> tuple[list[Grouped], bool]:
+    """Return the bricks of a part of the tree, if they are merged at once, or else groups of them; and which it is."""
+    if isinstance(nested, int):
+        return ([nested] if nested in shown else []), True
+    (front, first), (back, second) = (_groups(part, shown) for part in nested)
+    if first and second and len(front) + len(back) <= MERGED:
+        return front + back, True
+    return (_closed(front) if first else front) + (_closed(back) if second else back), False
+
+
+def _closed(groups: list[Grouped]) -> list[Grouped]:
+    return [tuple(groups)] if len(groups) > 1 else groups
 
 
 def partition_lattice(lattice: LatticeSpec, brick: int | Sequence[int] = 256) -> Partition:

@@ -126,25 +126,23 @@ def _draw_here(
 ) -> tuple[Finished, dict[str, float]]:
     before = residents().counts
     reads, bytes_read, coarse = before.reads, before.bytes_read, before.coarse
-    drawn = 0
     view, renderer = planned_light(view, field), renderer_of(view.settings)
+    drawn: set[int] = set()
 
     def read(number: int) -> Field:
         return field_of(field.source, view, number)  # type: ignore[arg-type]
 
-    def made(number: int) -> Field | None:
-        nonlocal drawn
-        if not may_show(field, view, number):
-            return None
-        drawn += 1
+    def made(number: int) -> Field:
+        drawn.add(number)
         return read(number)
 
     light, dimming = _light_here(field, view, read, renderer, progress)
-    finished = render_bricks(view, made, renderer, progress, light)
+    shown = [number for number in view.order() if may_show(field, view, number)]
+    finished = render_bricks(view, made, renderer, progress, light, shown)
     counts = residents().counts
     return finished, {
         "bricks": float(len(view.partition)),
-        "bricks_drawn": float(drawn),
+        "bricks_drawn": float(len(drawn)),
         "bricks_read": float(counts.reads - reads),
         "bytes_read": float(counts.bytes_read - bytes_read),
         "bricks_coarse": float(counts.coarse - coarse),

@@ -19,7 +19,7 @@ from sheetsplat.bricks.levels import LevelStore, coarsen_brick
 from sheetsplat.bricks.light import light_volumes, merged_pieces, pieces_of
 from sheetsplat.bricks.needs import field_of
 from sheetsplat.bricks.partial import Finished, Partial, finish, merge
-from sheetsplat.bricks.partition import Nested, Partition
+from sheetsplat.bricks.partition import Partition
 from sheetsplat.bricks.probe import Probing
 from sheetsplat.bricks.resident import residents
 from sheetsplat.bricks.sources import BrickSource, box_text
@@ -112,15 +112,9 @@ def _passed(view: BrickView, number: int, in_front: NDArray[np.float32]) -> Part
     return Partial(view.mode, rect, rgba=rgba, depth=depth, is_behind=True)
 
 
-def merge_parts(view: BrickView, nested: Nested, *parts: Drawn) -> Drawn:
-    """Merge parts in pairs; the numbers of `nested` count them."""
-
-    def merged(one: Nested) -> Partial:
-        if isinstance(one, int):
-            return parts[one].part
-        return merge(merged(one[0]), merged(one[1]))
-
-    return Drawn(merged(nested), _sum(*(one.counts for one in parts)))
+def merge_parts(_: Any, *parts: Drawn) -> Drawn:
+    """Merge parts, from front to back."""
+    return Drawn(merge(*(one.part for one in parts)), _sum(*(one.counts for one in parts)))
 
 
 def _sum(*counts: tuple[int, ...]) -> tuple[int, ...]:
@@ -128,10 +122,10 @@ def _sum(*counts: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def finish_picture(
-    view: BrickView, nested: Nested, of_light: tuple[int, int] | None, *parts: Drawn
+    view: BrickView, of_light: tuple[int, int] | None, *parts: Drawn
 ) -> tuple[Finished, tuple[int, ...]]:
     """Merge the last parts; return the picture, and what was done for it; `of_light`: what `counts_of` says."""
-    drawn = merge_parts(view, nested, *parts)
+    drawn = merge_parts(view, *parts)
     reads, count = of_light or (0, 0)
     return finish(view, drawn.part), _sum(drawn.counts, (reads, count, 0, 0))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from sheetsplat._checks import Bounds
 from sheetsplat.bricks.lattice import Box, LatticeSpec
 from sheetsplat.bricks.partition import Nested, Partition
-from sheetsplat.bricks.whole import Whole, corners
+from sheetsplat.bricks.places import Places, Rect, unit_pixel
+from sheetsplat.bricks.whole import Whole
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Unsupported, complain, option_ref
 from sheetsplat.limits import Depths
@@ -24,14 +25,8 @@ from sheetsplat.options.scene import SceneOptions, surfaces_of
 from sheetsplat.tiles import window as window_of
 from sheetsplat.transfer import TransferFunction
 
-Floats = NDArray[np.float64]
-#: First column, first row, the column and the row behind the last ones.
-Rect = tuple[int, int, int, int]
-
 # Distances are enlarged by this, so that rounding does not leave out a kernel that just reaches.
 _ROUNDING = 1.001
-# Pixels by which rays that pass a cell may meet it, by rounding.
-_NEAR = 1e-6
 # Standard deviation of the EWA filter in pixels and slice distances.
 _FILTER = 0.5
 # Slice distances around surfaces in which light looks at the field.
@@ -169,15 +164,9 @@ class BrickView:
         """Return the numbers of all bricks from front to back."""
         return self.partition.order(self.camera)
 
-    def _unit_pixel(self) -> float:
-        """Width of a pixel: world units, or per unit of depth in perspective."""
-        if self.camera.kind == "orthographic":
-            return self.camera.height / self.size[1]
-        return 2.0 * math.tan(math.radians(self.camera.fov_y) / 2.0) / self.size[1]
-
     def _pixel(self, depth: float) -> float:
         """Width of a pixel at a depth, world units."""
-        unit = self._unit_pixel()
+        unit = unit_pixel(self.camera, self.size)
         return unit if self.camera.kind == "orthographic" else unit * max(depth, self.camera.near)
 
     def _slant(self) -> float:
@@ -186,19 +175,29 @@ class BrickView:
             return 1.0
         width, height = self.size
         x, y = 0.5 * width / height + abs(self.camera.shift[0]), 0.5 + abs(self.camera.shift[1])
-        return math.hypot(1.0, self._unit_pixel() * height * math.hypot(x, y))
+        return math.hypot(1.0, unit_pixel(self.camera, self.size) * height * math.hypot(x, y))
 
-    def _region(self, number: int) -> Bounds | None:
-        """Return the box of the points of a brick that can be seen, or None."""
-        lower, upper = np.asarray(self.cell(number))
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave out what is computed when it is asked for."""
+        return {one.name: getattr(self, one.name) for one in fields(self)}
+
+    @cached_property
+    def places(self) -> Places:
+        """Where all bricks lie in the picture."""
         supports = np.asarray(self.whole.supports)
         # An interval begins one slice before what is in it.
         beyond = self._slant() * self.slice_spacing * 1.5 + self._widening(self._farthest())
-        lower = np.maximum(lower, supports[:, 0].min(axis=0) - beyond)
-        upper = np.minimum(upper, supports[:, 1].max(axis=0) + beyond)
-        if not (lower < upper).all():
-            return None
-        return tuple(lower.tolist()), tuple(upper.tolist())
+        within = supports[:, 0].min(axis=0) - beyond, supports[:, 1].max(axis=0) + beyond
+        return Places.of(self._cells, within, self._axes, self.camera, self.size)
+
+    @cached_property
+    def _axes(self) -> tuple[NDArray[np.float64], ...]:
+        return tuple(np.asarray(axis) for axis in self.camera.world_axes())
+
+    @cached_property
+    def _cells(self) -> NDArray[np.float64]:
+        """The points that are drawn of all bricks, (N, 2, 3)."""
+        return np.asarray([brick.cell for brick in self.partition.bricks]) + _MOVED * self.slice_spacing
 
     def depths(self) -> tuple[float, float]:
         """Return the nearest and the farthest depth that kernels of the whole reach."""
@@ -213,19 +212,17 @@ class BrickView:
 
     def cell(self, number: int) -> Bounds:
         """Return the points that are drawn of a brick, lower <= x < upper."""
-        by = _MOVED * self.slice_spacing
-        lower, upper = ((x + by, y + by, z + by) for x, y, z in self.partition.bricks[number].cell)
-        return lower, upper
+        lower, upper = self._cells[number].tolist()
+        return tuple(lower), tuple(upper)
 
     def depths_of(self, number: int) -> tuple[float, float]:
         """Return the nearest and the farthest depth at which a brick is sliced, within those of the whole."""
         near, far = self.depths()
-        region = self._region(number)
-        if region is None:
+        if not self.places.seen[number]:
             return near, far
-        found = -((corners(region) - np.asarray(self.camera.eye)) @ np.asarray(self.camera.world_axes()[2]))
+        first, last = self.places.depths[number].tolist()
         more = _AROUND * self.slice_spacing
-        return max(near, float(found.min()) - more), min(far, float(found.max()) + more)
+        return max(near, first - more), min(far, last + more)
 
     def _farthest(self) -> float:
         return max(self.depths()[1], 0.0)
@@ -250,13 +247,11 @@ class BrickView:
         Gradients look at neighbouring pixels and slices, intervals and crossings at the next slice, slabs half a slice
         distance around; the filter widens kernels.
         """
-        region = self._region(number)
-        if region is None:
+        if not self.places.seen[number]:
             return 0.0
         depth = self._farthest()
         if self.camera.kind == "perspective":
-            away = corners(region) - np.asarray(self.camera.eye)
-            depth = max(float((-(away @ np.asarray(self.camera.world_axes()[2]))).max()), 0.0)
+            depth = max(float(self.places.depths[number, 1]), 0.0)
         intervals = self.mode == "isosurface" or bool(self.options["preintegration"])
         steps = float(intervals) + float(self._gradients)
         if self.options["preintegration"] == "second_order":
@@ -280,40 +275,9 @@ class BrickView:
         brick = self.partition.bricks[number]
         return self.lattice_at(level).around(brick.cell, self.margin(number))
 
-    def _projected(self, number: int) -> tuple[Floats, Floats] | None:
-        """Return columns and rows of the corners of what can be seen of a brick, in pixels.
-
-        None where there is nothing; none of them where it is all around the eye.
-        """
-        region = self._region(number)
-        if region is None:
-            return None
-        width, height = self.size
-        right, up, back = (np.asarray(axis) for axis in self.camera.world_axes())
-        away = corners(region) - np.asarray(self.camera.eye)
-        x, y, depth = away @ right, away @ up, -(away @ back)
-        if self.camera.kind == "perspective":
-            if depth.max() <= self.camera.near:
-                return None
-            if depth.min() <= self.camera.near:
-                return np.empty(0), np.empty(0)
-            x, y = x / depth, y / depth
-        pixel = self._unit_pixel()
-        to_right, above = (height * one for one in self.camera.shift)
-        return x / pixel + 0.5 * width - to_right, 0.5 * height - y / pixel + above
-
     def footprint(self, number: int) -> Rect | None:
         """Return the rectangle of pixels that a brick can change, or None where there are none."""
-        found = self._projected(number)
-        if found is None:
-            return None
-        width, height = self.size
-        columns, rows = found
-        if not columns.size:
-            return 0, 0, width, height
-        x0, y0 = max(math.floor(columns.min()) - 1, 0), max(math.floor(rows.min()) - 1, 0)
-        x1, y1 = min(math.ceil(columns.max()) + 1, width), min(math.ceil(rows.max()) + 1, height)
-        return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else None
+        return self.places.footprint(number)
 
     def window(self, number: int) -> tuple[Rect, Camera] | None:
         """Return the pixels of a brick's footprint and their camera; None where it changes none."""
@@ -325,32 +289,7 @@ class BrickView:
 
     def outline(self, number: int) -> NDArray[np.bool_]:
         """Return which pixels of its footprint a brick can change, (h, w): those whose rays meet its cell."""
-        found, rect = self._projected(number), self.footprint(number)
-        if found is None or rect is None:
-            return np.zeros((0, 0), bool)
-        x0, y0, x1, y1 = rect
-        if not found[0].size:
-            return np.ones((y1 - y0, x1 - x0), bool)
-        columns, rows = found
-        # Every line between two corners lies within the outline, and some of them are its border.
-        first, second = np.triu_indices(len(columns), 1)
-        low, high = np.minimum(rows[first], rows[second]), np.maximum(rows[first], rows[second])
-        steep = np.where(high > low, rows[second] - rows[first], 1.0)
-        centres = np.arange(y0, y1)[:, None] + 0.5
-        above, below = centres - _NEAR, centres + _NEAR
-        ends = []
-        for edge in (above, below):
-            share = (np.clip(edge, low, high) - rows[first]) / steep
-            share = np.where(high > low, share, 0.0)
-            ends.append(columns[first] + share * (columns[second] - columns[first]))
-        level = (high == low) & (low >= above) & (low <= below)
-        ends.append(np.where(level, columns[second], ends[0]))
-        touched = (high >= above) & (low <= below)
-        left = np.where(touched, np.minimum.reduce(ends), np.inf).min(axis=1) - _NEAR
-        right = np.where(touched, np.maximum.reduce(ends), -np.inf).max(axis=1) + _NEAR
-        pixels = np.arange(x0, x1) + 0.5
-        inside: NDArray[np.bool_] = (pixels >= left[:, None]) & (pixels <= right[:, None])
-        return inside
+        return self.places.outline(number)
 
     def may_show(self, value_range: tuple[float, float]) -> bool:
         """Return whether kernels with factors in a range, all that reach a brick, can show anything at all."""

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sheetsplat._checks import Bounds, Triple
 from sheetsplat.bricks.lattice import LatticeSpec
@@ -122,14 +121,6 @@ class Whole:
         near = np.where(back > 0, boxes[:, 1], boxes[:, 0]) - eye
         far = np.where(back > 0, boxes[:, 0], boxes[:, 1]) - eye
         return float(-(near @ back).max()) - half, float(-(far @ back).min()) + half
-
-
-def corners(box: Bounds) -> NDArray[np.float64]:
-    """Return the corners of a box, (8, 3)."""
-    both = np.asarray(box, np.float64)
-    picks = np.array([[n & 1, n >> 1 & 1, n >> 2 & 1] for n in range(8)])
-    found: NDArray[np.float64] = both[picks, np.arange(3)]
-    return found
 
 
 def _grown(box: Bounds, by: Triple) -> Bounds:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import inspect
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from types import NoneType, UnionType
@@ -165,12 +164,12 @@ def filled(group: type, options: Mapping[str, Any]) -> dict[str, Any]:
     return {name: options.get(name, defined.default) for name, defined in definitions(group).items()}
 
 
-def check_names(function: str, options: Iterable[str], group: type, others: Iterable[str] = ()) -> None:
+def check_names(function: str, options: Iterable[str], group: type, others: Sequence[str] = ()) -> None:
     """Raise UnknownOption, a TypeError, for a name that is not an option of `group` nor one of `others`."""
-    known = [*definitions(group), *others]
+    defined = definitions(group)
     for name in options:
-        if name not in known:
-            advice = nearest_names(name, known) or f"help(sheetsplat.{function}) lists the options"
+        if name not in defined and name not in others:
+            advice = nearest_names(name, [*defined, *others]) or f"help(sheetsplat.{function}) lists the options"
             raise complain(
                 f"{function}: there is no option of this name", name, "", advice, option=name, kind=UnknownOption
             )
@@ -185,21 +184,19 @@ def checked(owner: str, options: Mapping[str, Any], group: type) -> dict[str, An
     values = filled(group, options)
     for name, defined in definitions(group).items():
         if defined.check is not None:
-            with concerning(name):
+            try:
                 values[name] = defined.check(f"{owner}: {name}", values[name])
+            except Error as error:
+                raise _concerning(error, name) from None
     return values
 
 
-@contextlib.contextmanager
-def concerning(name: str) -> Iterator[None]:
-    """Add the name of an option to errors that have none."""
-    try:
-        yield
-    except Error as error:
-        if error.option is not None:
-            raise
-        told = error.complaint
-        raise type(error)(told.what, told.found, told.wanted, told.advice, name) from None
+def _concerning(error: Error, name: str) -> Error:
+    """Return an error with the name of an option, unless it has one."""
+    if error.option is not None:
+        return error
+    told = error.complaint
+    return type(error)(told.what, told.found, told.wanted, told.advice, name)
 
 
 def parameters(group: type, *, chooses: bool) -> list[inspect.Parameter]:

@@ -13,7 +13,7 @@ from bricked_volumes import ROUNDING, SHAPE, SIZE, blob, rmse, stored
 
 import sheetsplat as ss
 from sheetsplat import api
-from sheetsplat.bricks.cluster import covering
+from sheetsplat.bricks.cluster import addresses, covering
 from sheetsplat.bricks.needs import view_of
 from sheetsplat.bricks.resident import residents
 
@@ -261,6 +261,19 @@ def test_workers_of_another_version_are_refused(cluster, samples, monkeypatch):
     monkeypatch.setattr(module, "_clusters", {})
     with pytest.raises(ss.Unsupported, match=r"sheetsplat \S+ on worker tcp://.*wanted 0\.0\.1, as here"):
         ss.open_bricks(samples, client=cluster)
+
+
+@pytest.mark.slow
+def test_workers_are_there_while_a_client_looks_after_its_scheduler(cluster):
+    import dask
+    import distributed
+
+    # The client's own thread forgets all workers that `scheduler_info` has found.
+    with (
+        dask.config.set({"distributed.client.scheduler-info-interval": "1ms"}),
+        distributed.Client(cluster.scheduler.address, set_as_default=False) as restless,
+    ):
+        assert {len(addresses(restless)) for _ in range(300)} == {2}
 
 
 @pytest.mark.slow

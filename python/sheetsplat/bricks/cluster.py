@@ -76,14 +76,10 @@ _LARGE = 1 << 20
 
 def addresses(client: Any) -> set[str]:
     """Return the addresses of all workers; OSError where the scheduler is gone."""
-    return set(_workers(client))
-
-
-def _workers(client: Any) -> dict[str, Any]:
     if client.status != "running":
         raise OSError(client.status)
-    found: dict[str, Any] = client.scheduler_info(n_workers=-1).get("workers", {})
-    return found
+    # Not `scheduler_info`, which a thread of the client fills anew every other second, without workers.
+    return set(client.nthreads())
 
 
 def frames_side_by_side(client: Any, field: BrickedField | BrickedKernels) -> int:
@@ -100,7 +96,7 @@ def frames_side_by_side(client: Any, field: BrickedField | BrickedKernels) -> in
     """
     _cluster(client).check()
     with _connected(client):
-        limits = [one.get("memory_limit") or 0 for one in _workers(client).values()]
+        limits = [one or 0 for one in client.run(memory_limit).values()]
     return len(limits) if limits and min(limits) * _ALL_OF_IT >= _kept_bytes(field) else 0
 
 
@@ -196,6 +192,12 @@ def _cluster(client: Any) -> _Cluster:
         found = (weakref.ref(client), _Cluster(client))
         _clusters[id(client)] = found
     return found[1]
+
+
+def memory_limit(dask_worker: Any) -> int | None:
+    """Return the memory that a worker may take; None: any. `Client.run` gives the worker by this name."""
+    limit: int | None = dask_worker.memory_manager.memory_limit
+    return limit
 
 
 def _version() -> str:

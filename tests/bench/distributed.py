@@ -22,7 +22,7 @@ from sheetsplat.bricks.draw import draw_brick
 from sheetsplat.bricks.lattice import LatticeSpec
 from sheetsplat.bricks.needs import field_of, may_show, planned, view_of
 from sheetsplat.bricks.partial import Partial, merge
-from sheetsplat.bricks.partition import Nested, partition_lattice
+from sheetsplat.bricks.partition import Grouped, grouped, partition_lattice
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.bricks.whole import Whole
 
@@ -53,7 +53,7 @@ class Costs:
     brick, kernel, sample
         Of a brick, of each of its kernels, and of each pixel and slice in it.
     merge
-        Of each pixel of two merged parts.
+        Of each pixel of a part that is merged with others.
     scheduler
         Of the scheduler and the client, for each task.
     """
@@ -239,19 +239,18 @@ class Graph:
         )
         merges: list[tuple[int, tuple[int, ...]]] = []
 
-        def merged(nested: Nested) -> tuple[int, Any] | None:
-            if isinstance(nested, int):
-                return (numbers[nested], rects[nested]) if nested in numbers else None
-            parts = [one for one in map(merged, nested) if one is not None]
-            if len(parts) < 2:
-                return parts[0] if parts else None
-            (first, a), (second, b) = parts
-            rect = (min(a[0], b[0]), min(a[1], b[1]), max(a[2], b[2]), max(a[3], b[3]))
-            merges.append((_area(rect), (first, second)))
+        def merged(group: Grouped) -> tuple[int, Any]:
+            if isinstance(group, int):
+                return numbers[group], rects[group]
+            parts = [merged(one) for one in group]
+            firsts, lasts = zip(*((one[:2], one[2:]) for _, one in parts), strict=True)
+            rect = (*map(min, zip(*firsts, strict=True)), *map(max, zip(*lasts, strict=True)))
+            merges.append((_area(rect), tuple(number for number, _ in parts)))
             return len(shown) + len(merges) - 1, rect
 
-        last = merged(view.nested())
-        assert last is not None
+        tree = grouped(view.nested(), shown)
+        assert tree is not None
+        last = merged(tree)
         merges.append((view.size[0] * view.size[1], (last[0],)))
         return cls(bricks, tuple(merges))
 
@@ -260,7 +259,11 @@ class Graph:
         drawn = [
             Task(seconds(brick, pixels), pixels * _PIXEL_BYTES, before, brick) for brick, pixels, before in self.bricks
         ]
-        return drawn + [Task(costs.merge * pixels, pixels * _PIXEL_BYTES, before) for pixels, before in self.merges]
+        areas = [pixels for _, pixels, _ in self.bricks] + [pixels for pixels, _ in self.merges]
+        return drawn + [
+            Task(costs.merge * sum(areas[one] for one in before), pixels * _PIXEL_BYTES, before)
+            for pixels, before in self.merges
+        ]
 
 
 def _area(rect: tuple[int, int, int, int]) -> int:
@@ -339,7 +342,7 @@ def fitted(facts: Any, seconds: Any) -> tuple[float, float, float]:
 
 
 def _merge_seconds() -> float:
-    """Return seconds of merging a pixel."""
+    """Return seconds of merging a pixel of a part."""
     side = 400
     parts = [
         Partial("composite", (0, 0, side, side), rgba=np.full((side, side, 4), 0.1, np.float32), is_behind=True)
@@ -350,7 +353,7 @@ def _merge_seconds() -> float:
         began = time.process_time()
         merge(*parts)
         times.append(time.process_time() - began)
-    return min(times) / side**2
+    return min(times) / (len(parts) * side**2)
 
 
 def costs_of(options: Options, *, scattered: bool) -> tuple[Costs, float]:

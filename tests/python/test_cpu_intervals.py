@@ -61,3 +61,39 @@ def test_values_at_and_beyond_the_last_point():
         camera = ss.Camera.fit(drawn, direction=(-0.3, -0.4, -1.0))
         expected = ss.Renderer("reference").render(drawn, camera, size=SIZE).pixels
         assert_close(ss.Renderer("cpu").render(drawn, camera, size=SIZE).pixels, expected, FLOAT32_HARD, f"{value}")
+
+
+def block(around: str) -> ss.RegularField:
+    """Return a block of ones that ends in nothing, or in samples of 0 on all sides."""
+    ones = np.ones((6, 6, 6), np.float32)
+    if around == "nothing":
+        return ss.RegularField(ones, origin=(5.0, 5.0, 5.0))
+    return ss.RegularField(np.pad(ones, 4), origin=(1.0, 1.0, 1.0))
+
+
+@pytest.mark.parametrize("order", [True, "second_order"])
+@pytest.mark.parametrize("cut", ["clip", "depth limit"])
+def test_ends_of_cut_intervals_are_empty_where_no_kernel_reaches(order, cut, reference_renderer):
+    """An interval with one end cut off shows where a kernel reaches the other, if only one of value 0."""
+    middle, view = np.full(3, 7.5), np.array([-0.6, -0.4, -0.9])
+    view /= np.linalg.norm(view)
+    camera = ss.Camera.orthographic(tuple(middle - 40 * view), tuple(middle), height=16.0)
+    pictures = {}
+    for around in ("nothing", "zeros"):
+        options: dict[str, Any] = {"preintegration": order, "slice_spacing": 2.5, "reference_length": 1.0}
+        limit: dict[str, Any] = {}
+        if cut == "clip":
+            normal = -view + [0.3, -0.2, 0.1]
+            options["clip"] = ss.Clip(planes=[(tuple(normal), float(normal @ middle) + 2.5)])
+        else:
+            limit["depth_limit"] = 36.0 + 0.2 * np.add.outer(np.arange(SIZE[1]), np.arange(SIZE[0])) % 9.0
+        drawn = ss.Scene(
+            block(around), ss.TransferFunction([(0.2, 0.9, 0.5, 0.2, 0.0), (1.1, 0.3, 0.6, 0.9, 0.4)]), **options
+        )
+        expected = reference_renderer.render(drawn, camera, size=SIZE, **limit)
+        image = ss.Renderer("cpu").render(drawn, camera, size=SIZE, **limit)
+        assert_close(image.pixels, expected.pixels, FLOAT32_HARD, f"{order} {cut} {around}")
+        # Samples of 0 are not drawn for it.
+        assert image.stats["kernels_drawn"] <= 6**3
+        pictures[around] = expected.pixels
+    assert distance(pictures["nothing"], pictures["zeros"]).rmse > 1e-3

@@ -88,6 +88,29 @@ def test_slices_count_where_samples_of_any_value_reach(mode, lattice, kind, dire
         assert image.stats["kernels_drawn"] < values.size / 2
 
 
+@pytest.mark.parametrize("shape", [(7, 1, 5), (1, 9, 8), (2, 2, 2), (12, 11, 10)], ids=str)
+@pytest.mark.parametrize("lattice", LATTICES)
+def test_slices_count_in_lattices_of_few_pixels(lattice, shape):
+    """Of neighbouring pixels some lie beside all samples, and rays pass few slices or many."""
+    rng = np.random.default_rng(6)
+    options = LATTICES[lattice]
+    radius = options.get("radius", 2.0)
+    values = rng.normal(1.0, 1.0, shape).astype(np.float32)
+    for spacing in (0.15, 0.9):
+
+        def make(factor, spacing=spacing):
+            field = ss.RegularField(values, **{**options, "radius": radius * factor})
+            return ss.Scene(field, GRAY, mode="average", slice_spacing=spacing)
+
+        for turn in range(3):
+            scene = make(1.0)
+            camera = view(scene, "orthographic", tuple(rng.normal(size=3)), zoom=0.25 if turn else 1.0)
+            image, expected = shots(scene, camera)
+            assert np.abs(expected).max() > 0.01
+            jumps = moved(make, expected, camera)
+            assert_close(image.scalar, expected, FLOAT32_HARD, f"{lattice} {shape} {spacing} {turn}", jumps)
+
+
 @pytest.mark.parametrize("mode", ["minimum", "average"])
 @pytest.mark.parametrize("what", ["clip", "two fields", "holes", "ellipsoids", "weights", "float64", "tiles"])
 def test_counted_slices_beside_everything_else(what, mode):

@@ -397,7 +397,7 @@ struct CpuRenderer::State {
             kernels.from_first = setup.parts[part++].from_first;
         }
         part = 0;
-        bool any = !setup.reach.empty();
+        bool any = setup.counts_by_place;
         room.lattices.clear();
         for (std::size_t lattice = 0; lattice < job.regular.size(); ++lattice, ++part) {
             const Buckets<RowPart>& rows = sorted->lattices[lattice].parts;

@@ -139,7 +139,8 @@ HWY_INLINE hn::Mask<D> point_open(D d, const Slab<T>& slab, hn::Mask<D> mask, in
 template <class T, class D>
 HWY_INLINE hn::Mask<D> any_end_open(D d, const Slab<T>& slab, hn::Mask<D> mask, int y, int x, const Columns& here,
                                     const Columns& after) {
-    return hn::Or(point_open(d, slab, mask, y, x, 0, here), point_open(d, slab, mask, y, x, 1, after));
+    const hn::Mask<D> open = point_open(d, slab, mask, y, x, 0, here);
+    return hn::Or(open, point_open(d, slab, hn::AndNot(open, mask), y, x, 1, after));
 }
 
 // What is classified. between: points lie between two slices. see() finds the points that may show; here and after are

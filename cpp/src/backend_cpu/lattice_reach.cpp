@@ -48,6 +48,11 @@ LatticeReach::Places LatticeReach::places(const TileShape& tile, std::int64_t n)
     return {to_index_ * (corner - first_eye_), to_index_[0] * pixel, to_index_[1] * -pixel};
 }
 
+bool LatticeReach::has_gaps() const {
+    // The point farthest from all samples is the middle of a cube.
+    return !(radius_ > std::sqrt(0.75));
+}
+
 LatticeReach::Pixels LatticeReach::pixels(const TileShape& tile, const Places& places) const {
     // Index coordinates are linear over the tile.
     const Vec3 along = static_cast<double>(tile.width - 1) * places.by_column;
@@ -57,9 +62,7 @@ LatticeReach::Pixels LatticeReach::pixels(const TileShape& tile, const Places& p
     if (glm::any(glm::lessThan(most, Vec3(-radius_))) || glm::any(glm::greaterThan(least, last_ + radius_))) {
         return Pixels::none;
     }
-    // The point farthest from all samples is the middle of a cube.
-    const bool no_gaps = radius_ > std::sqrt(0.75);
-    return no_gaps && glm::all(glm::greaterThanEqual(least, Vec3(0.0))) && glm::all(glm::lessThanEqual(most, last_))
+    return !has_gaps() && glm::all(glm::greaterThanEqual(least, Vec3(0.0))) && glm::all(glm::lessThanEqual(most, last_))
                ? Pixels::all
                : Pixels::some;
 }

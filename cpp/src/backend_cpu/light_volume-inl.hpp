@@ -14,17 +14,48 @@
 
 #include "backend_cpu/shading.hpp"
 #include "hwy/highway.h"
+#include "math-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
+/// The numbers values[first] and values[first + step] of each lane. pairs: step is 1.
+template <bool pairs, class D, class I, class V = hn::Vec<D>>
+HWY_INLINE void load_two(D d, const float* values, I first, std::int32_t step, V& one, V& other) {
+    using T = hn::TFromD<D>;
+#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
+    if constexpr (pairs && sizeof(T) == 4) {
+        // Half as many loads, each of two numbers.
+        const hn::Rebind<std::int32_t, D> di;
+        const hn::RepartitionToWide<decltype(di)> wide;
+        const auto at = [&](auto half) SHEETSPLAT_CPU_INLINE {
+            const auto bytes = hn::ShiftLeft<2>(hn::PromoteTo(wide, half));
+            return hn::BitCast(d, hn::GatherOffset(wide, reinterpret_cast<const std::int64_t*>(values), bytes));
+        };
+        const V lower = at(hn::LowerHalf(first)), upper = at(hn::UpperHalf(hn::Half<decltype(di)>(), first));
+        one = hn::ConcatEven(d, upper, lower);
+        other = hn::ConcatOdd(d, upper, lower);
+        return;
+    }
+#endif
+    const hn::Rebind<float, D> df;
+    const auto in_format = [&](auto found) {
+        if constexpr (sizeof(T) == 4) {
+            return found;
+        } else {
+            return hn::PromoteTo(d, found);
+        }
+    };
+    one = in_format(hn::GatherIndex(df, values, first));
+    other = in_format(hn::GatherIndex(df, values + step, first));
+}
+
 /// Numbers of a light volume at places (u, v, w), counted in its elements; outside, those of the nearest face.
 template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
 HWY_INLINE V look_up(D d, const LightVolume& volume, const V (&place)[3]) {
     const hn::Rebind<std::int32_t, D> di;
-    const hn::Rebind<float, D> df;
     const V zero = hn::Zero(d);
     V part[3];
     decltype(hn::Zero(di)) first = hn::Zero(di);
@@ -46,19 +77,18 @@ HWY_INLINE V look_up(D d, const LightVolume& volume, const V (&place)[3]) {
         size *= count;
     }
     const float* values = volume.values.data();
-    const auto value = [&](int corner) {
-        const std::int32_t offset = ((corner & 1) != 0 ? steps[0] : 0) + ((corner & 2) != 0 ? steps[1] : 0) +
-                                    ((corner & 4) != 0 ? steps[2] : 0);
-        const auto found = hn::GatherIndex(df, values + offset, first);
-        if constexpr (sizeof(T) == 4) {
-            return found;
-        } else {
-            return hn::PromoteTo(d, found);
-        }
-    };
     const auto mix = [&](V from, V to, V share) { return hn::MulAdd(share, hn::Sub(to, from), from); };
-    const V near = mix(mix(value(0), value(1), part[0]), mix(value(2), value(3), part[0]), part[1]);
-    const V far = mix(mix(value(4), value(5), part[0]), mix(value(6), value(7), part[0]), part[1]);
+    const auto along_rows = [&](std::int32_t offset) SHEETSPLAT_CPU_INLINE {
+        V from, to;
+        if (HWY_LIKELY(steps[0] == 1)) {
+            load_two<true>(d, values + offset, first, 1, from, to);
+        } else {
+            load_two<false>(d, values + offset, first, steps[0], from, to);
+        }
+        return mix(from, to, part[0]);
+    };
+    const V near = mix(along_rows(0), along_rows(steps[1]), part[1]);
+    const V far = mix(along_rows(steps[2]), along_rows(steps[1] + steps[2]), part[1]);
     return mix(near, far, part[2]);
 }
 

@@ -67,20 +67,16 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     const Frame& frame = *job.frame;
     LoopSetup<T> setup;
     setup.shading = &shading;
-    const bool counts = counts_weighted_slices(plan.mode), counts_by_place = counts && !plan.weight;
-    setup.keep_weight = plan.empty_test || plan.coverage || (counts && plan.weight);
+    const bool counts = counts_weighted_slices(plan.mode), by_place = (counts || plan.empty_test) && !plan.weight;
+    setup.counts_by_place = counts && by_place;
+    setup.keep_weight = plan.coverage || ((counts || plan.empty_test) && plan.weight);
     setup.slab = plan.sampling == Sampling::slab;
     setup.perspective = frame.projection == Projection::perspective;
     setup.intervals = uses_intervals(plan.mode, plan.preintegration);
     setup.stops = (plan.stop || plan.mode == Mode::isosurface || plan.depth_limit) && !plan.coverage;
     // (A pixel that ends looks at each slice.)
-    setup.sums_slices = (plan.mode == Mode::xray || (plan.mode == Mode::average && counts_by_place)) && !plan.clip &&
+    setup.sums_slices = (plan.mode == Mode::xray || (plan.mode == Mode::average && by_place)) && !plan.clip &&
                         !plan.owned && !setup.stops && !plan.coverage && !setup.slab && !setup.perspective;
-    for (const RegularPart& part : job.regular) {
-        if (counts_by_place) {
-            LatticeReach::add(*part.view, frame, setup.reach);
-        }
-    }
     setup.slices = frame.slices;
     setup.first_depth = frame.first_depth;
     setup.slice_spacing = frame.slice_spacing;
@@ -160,6 +156,9 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     };
     for (const RegularPart& part : job.regular) {
         add_part(part.field);
+        if (by_place) {
+            LatticeReach::add(*part.view, frame, setup.groups[group_drawn_of(*job.scene, part.field)].reach);
+        }
     }
     for (const EllipsoidPart& part : job.ellipsoids) {
         add_part(part.field);

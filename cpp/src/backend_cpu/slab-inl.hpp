@@ -16,6 +16,7 @@
 #include "hwy/highway.h"
 #include "light-inl.hpp"
 #include "math-inl.hpp"
+#include "reach-inl.hpp"
 #include "transfer-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -79,9 +80,20 @@ struct Slab {
     }
     /// Lanes whose point of slice n (ahead 1: n + 1) some kernel reaches, where that is looked at.
     HWY_INLINE M reached(D d, M mask, int ahead, int y, int x) const {
-        return shading.empty_test
-                   ? hn::And(mask, hn::Ne(hn::LoadU(d, sheets.weight[ahead] + in_sheet(y) + x), hn::Zero(d)))
-                   : mask;
+        if (!shading.empty_test) {
+            return mask;
+        }
+        if (sheets.reach == nullptr) {
+            return hn::And(mask, hn::Ne(hn::LoadU(d, sheets.weight[ahead] + in_sheet(y) + x), hn::Zero(d)));
+        }
+        // Where rho is not 0 some kernel has added to it.
+        const M unsure = hn::And(mask, hn::Eq(rho(d, 1 + ahead, y, x), hn::Zero(d)));
+        if (hn::AllFalse(d, unsure)) {
+            return mask;
+        }
+        HWY_ALIGN T marks[lanes];
+        mark_row(*sheets.reach, shape, window.n + ahead, y, x, lanes, marks);
+        return hn::And(mask, hn::Or(hn::Not(unsure), hn::Ne(hn::Load(d, marks), hn::Zero(d))));
     }
 
     HWY_INLINE Ray<D> ray(D d, int x, int y) const {

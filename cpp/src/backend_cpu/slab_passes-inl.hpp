@@ -108,7 +108,8 @@ HWY_NOINLINE void add_intervals(const Slab<T>& slab) {
         [&](int x, int y) SHEETSPLAT_CPU_INLINE {
             const V front = slab.rho(d, 1, y, x), back = slab.rho(d, 2, y, x);
             const M some = hn::And(hn::Gt(hn::Max(front, back), below), hn::Lt(hn::Min(front, back), above));
-            return hn::Or(slab.reached(d, some, 0, y, x), slab.reached(d, some, 1, y, x));
+            const M reached = slab.reached(d, some, 0, y, x);
+            return hn::Or(reached, slab.reached(d, hn::AndNot(reached, some), 1, y, x));
         },
         [&](int x, int y, M visible, V so_far) SHEETSPLAT_CPU_INLINE {
             const auto ray = slab.template ray_if<perspective>(d, x, y);

@@ -36,7 +36,7 @@ class TileLoop {
   public:
     TileLoop(const LoopSetup<T>& setup, const TileShape& shape, TileScratch<T>& scratch)
         : setup_(setup), shape_(shape), scratch_(scratch), ring_(scratch.ring.data(), setup.channels, shape),
-          live_(shape), reach_(setup.reach, shape, scratch) {
+          live_(shape), reach_(setup.groups.front().reach, shape, scratch) {
         feeds_.reserve(scratch.lattices.size());
         for (std::size_t part = 0; part < scratch.lattices.size(); ++part) {
             feeds_.emplace_back(scratch.lattices[part], shape, scratch.kernels[part]);
@@ -44,14 +44,19 @@ class TileLoop {
                 sums_fit(scratch.kernels[part].shapes.front())) {
                 sum(part);
             } else {
+                all_summed_ = false;
                 feeds_.back().begin();
             }
         }
     }
 
     void run(const std::function<bool()>& between) {
+        if (setup_.counts_by_place && setup_.sums_slices && all_summed_) {
+            count_reached(setup_.groups.front().reach, shape_, setup_.slices, scratch_.planes.counted);
+            return;
+        }
         std::int64_t n = next_start();
-        if (!setup_.reach.empty()) {
+        if (setup_.counts_by_place) {
             // Each slice may count.
             n = 0;
             last_touched_ = setup_.slices - 1;
@@ -394,7 +399,7 @@ class TileLoop {
         SlabWindow<T> window;
         window.n = n;
         Rect rect;
-        if (!setup_.reach.empty()) {
+        if (setup_.counts_by_place) {
             // (Points that no kernel was drawn to count too.)
             window.weight[0] = n >= 0 && n < setup_.slices ? reach_.of(n) : nullptr;
             if (window.weight[0] != nullptr) {
@@ -437,6 +442,7 @@ class TileLoop {
         for (int around = 0; around < (setup_.intervals ? 4 : 3); ++around) {
             window.rho[around] = sheet(n - 1 + around, group.rho_channel);
         }
+        window.reach = setup_.shading->empty_test && !setup_.keep_weight ? &group.reach : nullptr;
         for (int ahead = 0; ahead < (setup_.intervals ? 2 : 1); ++ahead) {
             if (setup_.keep_weight) {
                 window.weight[ahead] = sheet(n + ahead, group.weight_channel);
@@ -454,6 +460,7 @@ class TileLoop {
     Live live_;
     ReachSheets<T> reach_;
     std::vector<RowFeed<T>> feeds_; ///< of the lattices, the first parts
+    bool all_summed_ = true;        ///< all lattices have been added to the picture
     std::vector<SheetWindow<T>> later_ = std::vector<SheetWindow<T>>(setup_.groups.size() - 1);
     unsigned asked_ = 0;
     unsigned changes_ = 0;

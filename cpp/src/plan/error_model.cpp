@@ -220,12 +220,9 @@ double weights_in_slabs(Sampling sampling, const SumFacts& sums) {
     return sampling == Sampling::slab ? sums.weight_range * std::max(1.0, sums.ratio) : 0.0;
 }
 
-bool intervals_may_be_empty(const Scene& scene, const SumFacts& sums, const DrawPlan& plan) {
-    if (plan.mode != Mode::composite || !plan.preintegration) {
+bool shows_between_zeros(const Scene& scene, const SumFacts& sums, const DrawPlan& plan) {
+    if (!plan.second_order) {
         return false;
-    }
-    if (plan.cuts()) {
-        return true;
     }
     bool negative = false;
     for (const auto& field : scene.fields) {
@@ -234,7 +231,12 @@ bool intervals_may_be_empty(const Scene& scene, const SumFacts& sums, const Draw
     // Between ends of 0 the cubic is an eighth of the largest value at most, and has the other sign. Scenes of second
     // order have one transfer function.
     const double overshoot = 0.125 * sums.largest;
-    return plan.second_order && !scene.transfer_function.transparent_over(-overshoot, negative ? overshoot : 0.0);
+    return !scene.transfer_function.transparent_over(-overshoot, negative ? overshoot : 0.0);
+}
+
+bool intervals_may_be_empty(const Scene& scene, const SumFacts& sums, const DrawPlan& plan) {
+    return plan.mode == Mode::composite && plan.preintegration &&
+           (plan.cuts() || shows_between_zeros(scene, sums, plan));
 }
 
 double sum_noise(Precision precision, bool truncates, double crowd) {

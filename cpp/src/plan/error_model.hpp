@@ -34,9 +34,11 @@ double ratio_from_pivots(const Scene& scene, const DrawPlan& plan, double resolv
 /// means are differences, known to the rounding of 1 however small they are.
 double weights_in_slabs(Sampling sampling, const SumFacts& sums);
 
+/// Whether the cubic of second order shows something between two ends that are 0.
+bool shows_between_zeros(const Scene& scene, const SumFacts& sums, const DrawPlan& plan);
+
 /// Whether an interval that is empty must be distinguished from one whose ends are 0: where clipping leaves one end of
-/// an interval, which shows only if a kernel reaches it, and where the cubic of second order is not 0 between two ends
-/// that are.
+/// an interval, which shows only if a kernel reaches it, and where there is something between two ends that are 0.
 bool intervals_may_be_empty(const Scene& scene, const SumFacts& sums, const DrawPlan& plan);
 
 /// True where quotients of sums are lit.

@@ -342,7 +342,8 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                                      true);
     const bool filtering = scene.filter == Filter::ewa && view.shapes.largest_filtering > least_filtering;
     const bool counted = counts_weighted_slices(scene.mode);
-    const bool by_place = counted && backend == Backend::cpu && !filtering && places_tell_reach(scene);
+    const bool places_tell = backend == Backend::cpu && !filtering && places_tell_reach(scene);
+    const bool by_place = counted && places_tell;
     const bool weight = threshold || outputs.coverage || plan.empty_test || (counted && !by_place);
     plan.weight = effects.decide(EffectId::weight, weight,
                                  threshold          ? "rho is divided by the weight sum"
@@ -439,13 +440,14 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     effects.state(EffectId::depth, outputs.depth, "asked for", "not asked for");
 
     if (backend != Backend::reference) {
-        const bool intervals = !plan.empty_test && intervals_may_be_empty(scene, sum_facts(scene, view, plan), plan);
+        const auto sums = [&] { return sum_facts(scene, view, plan); };
+        const bool intervals = !plan.empty_test && intervals_may_be_empty(scene, sums(), plan);
         effects.state(EffectId::empty_intervals, intervals,
                       intervals ? "intervals that no kernel reaches must be distinguished from those whose ends are 0"
                       : plan.empty_test ? "the empty test distinguishes them already"
                                         : "intervals whose ends are 0 are transparent anyway");
         plan.empty_test = plan.empty_test || intervals;
-        plan.weight = plan.weight || intervals;
+        plan.weight = plan.weight || (intervals && (!places_tell || shows_between_zeros(scene, sums(), plan)));
     }
     if (backend == Backend::reference) {
         plan.precision = Precision::float64;

@@ -54,7 +54,7 @@ double least_faded(const Scene& scene, const ViewFacts& view, const SumFacts& su
 }
 
 /// Where kernels end shows.
-bool tells_empty(const DrawPlan& plan) { return plan.empty_test || (counts_weighted_slices(plan.mode) && plan.weight); }
+bool tells_empty(const DrawPlan& plan) { return plan.weight && (plan.empty_test || counts_weighted_slices(plan.mode)); }
 
 /// Gradients below a share of the window are shaded as weaker ones (conventions, section 6); here none is.
 bool has_window_of_one_value(const Scene& scene) {

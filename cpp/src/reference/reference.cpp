@@ -72,7 +72,11 @@ bool opaque_at_zero(const TransferFunction& function, const std::vector<Nudge>& 
 ZeroKernels zero_kernels(const Scene& scene, const Group& group, const Field& field, const Request& request,
                          const std::vector<Nudge>& nudges) {
     const bool weights_matter = needs_weights(scene, request) || field.normalization() == Normalization::threshold;
-    const bool reach_matters = scene.mode == Mode::composite && opaque_at_zero(*group.transfer_function, nudges);
+    // Of an interval of which an end is cut off, or whose cubic is not 0 between two ends that are, it matters whether
+    // the ends are empty.
+    const bool intervals = scene.preintegration && (scene.second_order || !scene.clip.empty() || scene.depth_limit);
+    const bool reach_matters =
+        scene.mode == Mode::composite && (intervals || opaque_at_zero(*group.transfer_function, nudges));
     return weights_matter || reach_matters ? ZeroKernels::drawn : ZeroKernels::left_out;
 }
 

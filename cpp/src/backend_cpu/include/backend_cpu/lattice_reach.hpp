@@ -25,11 +25,14 @@ class LatticeReach {
         Vec3 first, by_column, by_row;
     };
     [[nodiscard]] Places places(const TileShape& tile, std::int64_t n) const;
+    [[nodiscard]] bool has_slice(std::int64_t n) const { return n >= 0 && n < frame_->slices; }
 
     enum class Pixels { none, some, all };
     /// Which pixels of the tile are reached: some where it takes a closer look to tell.
     [[nodiscard]] Pixels pixels(const TileShape& tile, const Places& places) const;
 
+    /// Whether some point between samples is not reached.
+    [[nodiscard]] bool has_gaps() const;
     [[nodiscard]] const Vec3& last() const { return last_; } ///< sample along each axis
     [[nodiscard]] double radius() const { return radius_; }  ///< of supports, in index space
 

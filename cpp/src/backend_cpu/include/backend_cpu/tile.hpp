@@ -4,8 +4,11 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
 namespace sheetsplat::backend_cpu {
+
+class LatticeReach;
 
 /// Where a tile lies and how its planes are laid out. Sheets have a border of one pixel on every side: pixel (x, y) of
 /// the tile is element (y + 1) * stride + (x + 1) of a sheet, and element y * stride + x of a plane of the picture.
@@ -55,6 +58,8 @@ struct SheetWindow {
     /// W of slices n and n + 1, in sheets too; 0 where a point is empty. Null unless the plan has empty_test or
     /// coverage, or the mode counts slices by it.
     const T* weight[2] = {nullptr, nullptr};
+    /// Where empty_test goes without weights: the group's lattices, whose places tell which points of rho 0 are empty.
+    const std::vector<LatticeReach>* reach = nullptr;
     /// Derivatives of rho of slices n and n + 1 over columns, rows and slices (in perspective along the pixel's ray),
     /// one step of each. Null unless the plan has analytic_gradient.
     const T* slope[2][3] = {};

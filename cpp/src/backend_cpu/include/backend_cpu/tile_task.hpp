@@ -54,6 +54,8 @@ struct GroupSheets {
     T w0 = 1;
     T pivot = 0; ///< as of OwnSheets; 0 unless threshold
     std::vector<OwnSheets<T>> own;
+    /// Where places alone say which points kernels reach, drawn or not: of all lattices of the group.
+    std::vector<LatticeReach> reach;
     /// Derivatives are summed beside values; these channels hold those of rho in the end.
     int slope_channel = -1, weight_slope_channel = -1;
 };
@@ -88,8 +90,7 @@ struct LoopSetup {
     bool stops = false;     ///< a tile whose pixels are all finished is left
     /// The picture is a sum over slices, none of which is looked at by itself.
     bool sums_slices = false;
-    /// Modes that count slices: of all lattices, where their places alone say which points count, drawn or not.
-    std::vector<LatticeReach> reach;
+    bool counts_by_place = false; ///< modes that count slices: points count where the only group's lattices reach
     std::int64_t slices = 0;
     double first_depth = 0.0;
     double slice_spacing = 1.0;

@@ -40,7 +40,8 @@ struct DrawPlan {
     // Sums and their division.
     bool weight = false;    ///< sums of weights are kept
     bool threshold = false; ///< the one field is divided by its weight sum where it is shaded
-    /// Opacity at 0 > 0: points that no kernel reaches must be distinguished from points whose sum is 0.
+    /// Points that no kernel reaches must be distinguished from points whose sum is 0; without `weight` by the places
+    /// of samples, at points beside others of which some are shown.
     bool empty_test = false;
     /// Several fields: for each the number of its own sheets, where it is divided before all are added; -1: it adds to
     /// the sheets of all.

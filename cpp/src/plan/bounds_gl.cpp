@@ -301,11 +301,12 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                           "use a larger one, use " + option_ref("backend", "reference"), "gradient_opacity");
         }
     }
-    if (plan.mode == Mode::isosurface && plan.analytic_gradient && largest > farthest_iso * nearest_end) {
-        refuse_sheets("lit derivatives at an iso value that is " + number(nearest_end) +
-                          " from the end of values of up to " + number(largest),
-                      "at least " + number(largest / farthest_iso),
-                      "leave out " + option_ref("gradient", "analytic") + ", or use " + option_ref("backend", "cpu"));
+    if (is_near_the_end(plan, facts)) {
+        refuse_sheets(
+            "an iso value that is " + number(nearest_end) + " from the end of values of up to " + number(largest),
+            "at least " + number(largest / farthest_from_end(plan)),
+            (plan.analytic_gradient ? "leave out " + option_ref("gradient", "analytic") + ", or use " : Words("use ")) +
+                option_ref("backend", "cpu"));
     }
     if (lit_quotient) {
         check_quotients(view, plan, facts, lit_ratio);

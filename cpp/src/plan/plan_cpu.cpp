@@ -105,10 +105,10 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
         return "weights of up to " + number(sums.weight_range) +
                " times w0: where these are w0, the rounding of float32 means over slabs would show";
     }
-    if (plan.mode == Mode::isosurface && plan.analytic_gradient && sums.largest > farthest_iso * sums.nearest_end) {
+    if (is_near_the_end(plan, sums)) {
         return "an iso value is " + number(sums.nearest_end) + " from the end of values of up to " +
-               number(sums.largest) +
-               ": float32 would lose how far the surface is from a slice, and with it the gradient there";
+               number(sums.largest) + ": float32 would lose where the surface is" +
+               (plan.analytic_gradient ? ", and with it the gradient there" : "");
     }
     if (plan.gradient_opacity && least_faded(scene, view, sums, float32_epsilon) > *scene.gradient_opacity) {
         return "gradient_opacity " + number(*scene.gradient_opacity) + " is within the rounding of float32 gradients";

@@ -111,7 +111,7 @@ TEST(Memory, this_process_may_take_some_but_not_everything) {
     EXPECT_LT(available_memory(), 1ULL << 50);
 }
 
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#ifndef SHEETSPLAT_SANITIZED
 TEST(Memory, the_limit_on_address_space_counts) {
     // In a child, since a limit cannot be raised again.
     const pid_t child = fork();

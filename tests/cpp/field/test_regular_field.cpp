@@ -407,7 +407,7 @@ double seconds_of_survey() {
 }
 
 TEST(RegularField, a_large_volume_is_surveyed_in_no_time) {
-#if !defined(NDEBUG) || defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#if !defined(NDEBUG) || defined(SHEETSPLAT_SANITIZED)
     GTEST_SKIP() << "only a build with optimisation and without sanitizers is fast";
 #endif
     const double of_bytes = seconds_of_survey<std::uint8_t>();

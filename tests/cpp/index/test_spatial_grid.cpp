@@ -293,7 +293,7 @@ TEST(SpatialGrid, HardScattersTakeNoMoreThanEvenOnes) {
     }
 }
 
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#ifndef SHEETSPLAT_SANITIZED
 /// The most memory that this process had at once since the last call, bytes. What is free goes back to the system.
 std::size_t peak_memory() {
     malloc_trim(0);

@@ -16,7 +16,7 @@
 #include "sheetsplat/error.hpp"
 
 // Sanitizers bring operators new and limits of their own.
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#ifndef SHEETSPLAT_SANITIZED
 #define MEMORY_IS_COUNTED
 
 namespace {

@@ -131,6 +131,11 @@ const std::vector<Limit> of_float32{
          c.scene.gradient = Gradient::analytic;
          c.scene.iso_values = {IsoValue(1.0 - 1.0 / x)};
      }},
+    {"nearest_end_of_surfaces", 0.99e6, 1.01e6,
+     [](Case& c, double x) {
+         c.scene.mode = Mode::isosurface;
+         c.scene.iso_values = {IsoValue(1.0 - 1.0 / x)};
+     }},
     // Weights of 1.
     {"weights_in_slabs", 299, 301,
      [](Case& c, double x) {

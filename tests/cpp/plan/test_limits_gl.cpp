@@ -198,6 +198,11 @@ const std::vector<Limit> of_gl{
          c.scene.fields = {ellipsoids()};
          c.scene.iso_values = {IsoValue(0.7 - 0.7 / x)};
      }},
+    {"nearest_end_of_surfaces", 0.99e6, 1.01e6,
+     [](Case& c, double x) {
+         c.scene.mode = Mode::isosurface;
+         c.scene.iso_values = {IsoValue(0.7 - 0.7 / x)};
+     }},
     // The root of 33.5 kernels at a point, times values of 1/2 from their middle, over the semi-axis in reference
     // lengths.
     {"noise_of_derivatives", 34.7, 35.3,

@@ -58,10 +58,11 @@ class RowSums {
         for (std::uint32_t i = 0; i < count; i += together) {
             look_at(place, step, i);
             const int number = static_cast<int>(std::min(together, count - i));
+            const Value* own = values + i;
             in_terms([&](auto terms) SHEETSPLAT_CPU_INLINE {
                 factors(terms);
                 for (int kernel = 0; kernel < number; ++kernel) {
-                    add_one(terms, kernel, static_cast<T>(static_cast<double>(values[i + kernel]) * value_scale_));
+                    add_one(terms, kernel, static_cast<T>(static_cast<double>(own[kernel]) * value_scale_));
                 }
             });
             for (int kernel = 0; kernel < number; ++kernel) {

@@ -15,6 +15,7 @@
 #include "backend_cpu/tile_task.hpp"
 #include "base/instruction_set.hpp"
 #include "support/cpu_drawing.hpp"
+#include "support/draws.hpp"
 
 namespace sheetsplat::backend_cpu {
 namespace {
@@ -211,7 +212,7 @@ void check_sums(const Shot& shot, const CpuDrawing& drawing, double most_error, 
     std::uniform_real_distribution<double> uniform(-1.0, 1.0);
     for (int tries = 0; tries < 3000 && points.size() < 400; ++tries) {
         const std::size_t i = std::uniform_int_distribution<std::size_t>(0, world.centers.size() - 1)(random);
-        const Vec3 inside(uniform(random), uniform(random), uniform(random));
+        const Vec3 inside = test::three([&] { return uniform(random); });
         const Vec3 eye = shot.camera.to_eye(world.centers[i] + glm::inverse(world.to_ball[i]) * inside);
         const double slice = std::round((-eye.z - frame.first_depth) / frame.slice_spacing);
         if (glm::length(inside) > 1.0 || slice < 0.0 || slice >= static_cast<double>(frame.slices)) {

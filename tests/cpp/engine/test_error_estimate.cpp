@@ -11,6 +11,7 @@
 #include "sheetsplat/error.hpp"
 #include "sheetsplat/renderer.hpp"
 #include "support/bumps.hpp"
+#include "support/draws.hpp"
 
 namespace sheetsplat {
 namespace {
@@ -23,11 +24,10 @@ std::shared_ptr<const EllipsoidField> cloud() {
     std::normal_distribution<double> normal;
     EllipsoidArrays arrays;
     for (std::size_t i = 0; i < 120; ++i) {
-        arrays.centers.push_back(12.0 * Vec3(uniform(random), uniform(random), uniform(random)));
+        arrays.centers.push_back(12.0 * test::three([&] { return uniform(random); }));
         arrays.values.push_back(uniform(random));
         arrays.scales.push_back(2.5 * Vec3(1.5, 0.8, 0.6));
-        arrays.rotations.push_back(
-            glm::normalize(glm::dquat(normal(random), normal(random), normal(random), normal(random))));
+        arrays.rotations.push_back(test::rotation([&] { return normal(random); }));
     }
     return std::make_shared<EllipsoidField>(std::move(arrays));
 }

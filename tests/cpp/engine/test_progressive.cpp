@@ -13,6 +13,7 @@
 #include "sheetsplat/device.hpp"
 #include "sheetsplat/error.hpp"
 #include "sheetsplat/renderer.hpp"
+#include "support/draws.hpp"
 
 namespace sheetsplat {
 namespace {
@@ -44,14 +45,13 @@ std::shared_ptr<const EllipsoidField> cloud(std::size_t n, double radius, bool s
     std::normal_distribution<double> normal;
     EllipsoidArrays arrays;
     for (std::size_t i = 0; i < n; ++i) {
-        arrays.centers.push_back(Vec3(uniform(random), uniform(random), uniform(random)));
+        arrays.centers.push_back(test::three([&] { return uniform(random); }));
         arrays.values.push_back(0.2 + 0.8 * uniform(random));
         if (spheres) {
             arrays.radii.push_back(radius * (0.7 + 0.6 * uniform(random)));
         } else {
             arrays.scales.push_back(radius * Vec3(1.5, 0.8, 0.8));
-            arrays.rotations.push_back(
-                glm::normalize(glm::dquat(normal(random), normal(random), normal(random), normal(random))));
+            arrays.rotations.push_back(test::rotation([&] { return normal(random); }));
         }
     }
     return std::make_shared<EllipsoidField>(std::move(arrays));

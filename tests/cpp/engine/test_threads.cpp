@@ -14,6 +14,7 @@
 
 #include "sheetsplat/error.hpp"
 #include "sheetsplat/renderer.hpp"
+#include "support/draws.hpp"
 
 namespace sheetsplat {
 namespace {
@@ -37,7 +38,7 @@ std::shared_ptr<const EllipsoidField> cloud() {
     std::uniform_real_distribution<double> uniform(0.0, 1.0);
     EllipsoidArrays arrays;
     for (int i = 0; i < 150; ++i) {
-        arrays.centers.push_back(12.0 * Vec3(uniform(random), uniform(random), uniform(random)));
+        arrays.centers.push_back(12.0 * test::three([&] { return uniform(random); }));
         arrays.values.push_back(uniform(random));
         arrays.radii.push_back(0.8 + uniform(random));
     }

@@ -13,6 +13,7 @@
 #include "sheetsplat/error.hpp"
 #include "sheetsplat/field.hpp"
 #include "support.hpp"
+#include "support/draws.hpp"
 
 namespace sheetsplat {
 namespace {
@@ -40,10 +41,9 @@ EllipsoidArrays soup(std::size_t count, unsigned seed = 1) {
     std::uniform_real_distribution<double> uniform(0.1, 2.0);
     EllipsoidArrays arrays;
     for (std::size_t n = 0; n < count; ++n) {
-        arrays.centers.emplace_back(normal(generator), normal(generator), normal(generator));
-        arrays.scales.emplace_back(uniform(generator), uniform(generator), uniform(generator));
-        arrays.rotations.push_back(
-            glm::normalize(glm::dquat(normal(generator), normal(generator), normal(generator), normal(generator))));
+        arrays.centers.push_back(test::three([&] { return normal(generator); }));
+        arrays.scales.push_back(test::three([&] { return uniform(generator); }));
+        arrays.rotations.push_back(test::rotation([&] { return normal(generator); }));
         arrays.values.push_back(normal(generator));
         arrays.weights.push_back(uniform(generator));
     }
@@ -115,9 +115,8 @@ TEST(EllipsoidField, boxes_and_reaches_are_tight) {
     std::normal_distribution<double> normal;
     for (int trial = 0; trial < 20; ++trial) {
         // Along axes, where the box must agree, and along others.
-        const Vec3 direction = trial < 3
-                                   ? Vec3(trial == 0, trial == 1, trial == 2)
-                                   : glm::normalize(Vec3(normal(generator), normal(generator), normal(generator)));
+        const Vec3 direction = trial < 3 ? Vec3(trial == 0, trial == 1, trial == 2)
+                                         : glm::normalize(test::three([&] { return normal(generator); }));
         const Vec3 from(0.3, -0.7, 1.1);
         double low = infinity, high = -infinity;
         for (std::size_t i = 0; i < field.size(); ++i) {

@@ -12,6 +12,7 @@
 
 #include "index/brute_force.hpp"
 #include "index/spatial_grid.hpp"
+#include "support/draws.hpp"
 
 namespace sheetsplat::test {
 
@@ -78,7 +79,7 @@ inline EllipsoidArrays scattered(Random& random, Scatter scatter, std::size_t n)
         case Scatter::clusters: {
             const double scale = std::pow(10.0, -static_cast<double>(random.whole(0, 9)));
             radius = 0.05 * scale;
-            centre = scale * Vec3(normal(random), normal(random), normal(random));
+            centre = scale * test::three([&] { return normal(random); });
             break;
         }
         case Scatter::one_spot:

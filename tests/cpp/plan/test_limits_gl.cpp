@@ -253,7 +253,7 @@ const std::vector<Limit> of_gl{
          make_close(c, 1000.0);
          set_weight_range(c, x);
      }},
-    {"isosurface_of_derivatives", 19.8, 20.2,
+    {"isosurface_of_derivatives", 9.9, 10.1,
      [](Case& c, double x) {
          make_surface(c);
          make_analytic(c);

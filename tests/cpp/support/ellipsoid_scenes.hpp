@@ -14,6 +14,7 @@
 #include "sheetsplat/error.hpp"
 #include "support.hpp"
 #include "support/against_reference.hpp"
+#include "support/draws.hpp"
 
 namespace sheetsplat::testing {
 
@@ -25,7 +26,7 @@ inline std::shared_ptr<const EllipsoidField> cloud(std::size_t n, double radius,
     std::normal_distribution<double> normal;
     EllipsoidArrays arrays;
     for (std::size_t i = 0; i < n; ++i) {
-        const Vec3 at(uniform(random), uniform(random), uniform(random));
+        const Vec3 at = test::three([&] { return uniform(random); });
         arrays.centers.push_back(at);
         arrays.values.push_back(0.2 + 0.8 * std::exp(-8.0 * glm::dot(at - 0.5, at - 0.5)));
         if (aspect == 1.0) {
@@ -35,8 +36,7 @@ inline std::shared_ptr<const EllipsoidField> cloud(std::size_t n, double radius,
             Vec3 axes = uniform(random) < 0.5 ? Vec3(own, 1.0, 1.0) : Vec3(own, own, 1.0);
             axes *= radius / std::cbrt(axes.x * axes.y * axes.z);
             arrays.scales.push_back(axes);
-            const glm::dquat q(normal(random), normal(random), normal(random), normal(random));
-            arrays.rotations.push_back(glm::normalize(q));
+            arrays.rotations.push_back(test::rotation([&] { return normal(random); }));
         }
         if (weights) {
             arrays.weights.push_back(std::pow(10.0, 2.0 * uniform(random) - 1.0));

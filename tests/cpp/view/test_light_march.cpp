@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "light_rays.hpp"
+#include "support/draws.hpp"
 #include "view/light_blocks.hpp"
 #include "view/surface_lines.hpp"
 
@@ -58,7 +59,7 @@ std::vector<Vec3> places() {
     std::uniform_real_distribution<double> within(2.0, 15.0);
     std::vector<Vec3> found(400);
     for (Vec3& place : found) {
-        place = Vec3(within(random), within(random), within(random));
+        place = test::three([&] { return within(random); });
     }
     return found;
 }
@@ -151,8 +152,7 @@ TEST(LightMarch, EveryElementHasARayBeforeItsOwn) {
     for (int number = 0; number < 1000; ++number) {
         const std::array<int, 3> counts{3 + number % 50, 4 + number % 31, 5 + number % 23};
         const LightVolume volume{Vec3(0.0), {Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1)}, counts, {}};
-        const light_march::Rays rays(volume, glm::normalize(Vec3(uniform(random), uniform(random), uniform(random))),
-                                     0.7);
+        const light_march::Rays rays(volume, glm::normalize(test::three([&] { return uniform(random); })), 0.7);
         for (int plane = 0; plane < rays.planes(); ++plane) {
             for (const light_march::Rays::Axis& axis : {rays.columns(), rays.rows()}) {
                 ASSERT_GE(light_march::between(axis.offset(plane)).whole, 1) << number << ", plane " << plane;

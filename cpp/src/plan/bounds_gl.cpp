@@ -312,12 +312,6 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
         check_quotients(view, plan, facts, lit_ratio);
     }
     check_crowds(view, plan, lit_quotient, ratio);
-    if (weights_in_slabs(plan.sampling, facts) > widest_weights_in_slabs) {
-        refuse_sheets("means over slabs with weights of up to " + number(weight_range) + " times w0",
-                      "at most " + number(widest_weights_in_slabs / std::max(1.0, ratio)) + " times",
-                      "use a larger " + option_ref("w0") + ", leave out " + option_ref("sampling", "slab") +
-                          " or use " + option_ref("backend", "cpu"));
-    }
     const double measure = plan.mode == Mode::xray ? view.frame.slice_spacing : 1.0;
     const double seen = is_scalar(plan.mode) ? std::max(1.0, measure * view.slabs.ellipsoids.peak) : resolved;
     if (plan.sampling == Sampling::slab && !plan.filter &&
@@ -327,6 +321,12 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                       "slabs of at most " + number(thick_slab) + " times the half-depth of ellipsoids that show",
                       "use a smaller " + option_ref("slice_spacing") + ", " + option_ref("filter", "ewa") + " or " +
                           option_ref("backend", "reference"));
+    }
+    if (weights_in_slabs(plan.sampling, facts) > widest_weights_in_slabs) {
+        refuse_sheets("means over slabs with weights of up to " + number(weight_range) + " times w0",
+                      "at most " + number(widest_weights_in_slabs / std::max(1.0, ratio)) + " times",
+                      "use a larger " + option_ref("w0") + ", leave out " + option_ref("sampling", "slab") +
+                          " or use " + option_ref("backend", "cpu"));
     }
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -318,6 +319,50 @@ def test_triangles_without_area_and_points_that_are_there_twice_do_no_harm() -> 
     assert np.array_equal(kernels.centers, expected.centers) and kernels.report["degenerate"] == 2
 
 
+def _again(mesh: Mesh, *more: int) -> Mesh:
+    """Return a mesh with some of its triangles once more, in the other direction where their number is negative."""
+    return mesh[0], np.concatenate([mesh[1], *(mesh[1][[abs(n)]][:, :: 1 if n > 0 else -1] for n in more)])
+
+
+OUTER = box((-2, -2, -2), (2, 2, 2))
+
+
+@pytest.mark.parametrize(
+    ("mesh", "once", "shells"),
+    [
+        (joined(ball(8), ball(8)), ball(8), 1),
+        (joined(ball(8), turned(ball(8))), ball(8), 1),
+        (joined(*[ball(8)] * 5, turned(ball(8))), ball(8), 1),
+        (_again(box(), 3), box(), 1),
+        (_again(box(), 3, 3), box(), 1),
+        (_again(box(), 3, -3), box(), 1),
+        (joined(*[OUTER, turned(ball(8))] * 2), joined(OUTER, turned(ball(8))), 2),
+        (joined(box(), box((1, 0, 0), (2, 1, 1))), box((0, 0, 0), (2, 1, 1)), 1),
+    ],
+    ids=["twice", "two sides", "six", "a face twice", "a face thrice", "a face of two sides", "hollow twice", "a wall"],
+)
+def test_triangles_that_are_there_many_times_count_once(mesh: Mesh, once: Mesh, shells: int) -> None:
+    found, expected = close("x", *mesh), close("x", *once)
+    assert found.volume == pytest.approx(expected.volume, rel=1e-12) and found.shells == shells
+    assert found.repeated == len(mesh[1]) - len(found.triangles) > 0 == found.degenerate
+    assert np.abs(fit.solid(*mesh, kernels=500).centers - fit.solid(*once, kernels=500).centers).max() < 1e-9
+
+
+def test_a_mesh_of_a_hundred_thousand_equal_triangles_is_filled_in_a_moment() -> None:
+    """It took minutes: each was taken for a shell, and tested for being inside all others."""
+    mesh = (box()[0], np.repeat(box()[1], 9000, axis=0))
+    mesh[1][1::3] = mesh[1][1::3, ::-1]
+    start = time.process_time()
+    kernels = fit.solid(*mesh, kernels=500)
+    assert time.process_time() - start < 5.0
+    assert kernels.report["mesh_volume"] == pytest.approx(1.0) and kernels.report["repeated"] == 107_988
+
+
+def test_a_wall_alone_is_no_surface() -> None:
+    with pytest.raises(InvalidInput, match="open edges where each counts once"):
+        fit.solid(box()[0], [(0, 2, 3), (3, 2, 0)])
+
+
 def test_open_meshes_are_refused_with_the_place() -> None:
     vertices, triangles = box()
     with pytest.raises(
@@ -328,7 +373,7 @@ def test_open_meshes_are_refused_with_the_place() -> None:
     text = str(caught.value)
     assert "(0.5, 1, 0)" in text or "(0, 0.5, 0)" in text or "(0.5, 0.5, 0)" in text
     with pytest.raises(InvalidInput, match="3 boundary edges"):
-        fit.solid(vertices, np.concatenate([triangles, triangles[:1]]))
+        fit.solid(vertices, np.concatenate([triangles, [[0, 5, 7]]]))
 
 
 def test_surfaces_with_one_side_are_refused() -> None:

@@ -62,8 +62,9 @@ class ClosedMesh:
         The sum of the shells' volumes.
     shells
         Number of connected pieces.
-    merged, degenerate, turned
-        Vertices at the position of another, triangles with two corners at one position (left out), flipped triangles.
+    merged, degenerate, repeated, turned
+        Vertices at the position of another, triangles with two corners at one position and those at the place of
+        another (both left out), flipped triangles.
     """
 
     vertices: Floats
@@ -72,6 +73,7 @@ class ClosedMesh:
     shells: int
     merged: int
     degenerate: int
+    repeated: int
     turned: int
 
 
@@ -105,7 +107,10 @@ def _edges(triangles: Numbers, count: int) -> tuple[Numbers, NDArray[np.bool_]]:
 
 
 def close(what: str, vertices: ArrayLike, triangles: ArrayLike) -> ClosedMesh:
-    """Return a closed, oriented mesh of the vertices that are used, or InvalidInput with the first boundary edge."""
+    """Return a closed, oriented mesh of the vertices that are used, or InvalidInput with the first boundary edge.
+
+    Triangles of the same corners count once, or not at all where they are a wall inside (`_once`).
+    """
     at = places(what, vertices, "vertices")
     faces = _triangles(what, triangles, len(at))
     welded = merge(what, at, np.zeros(len(at)))
@@ -115,6 +120,14 @@ def close(what: str, vertices: ArrayLike, triangles: ArrayLike) -> ClosedMesh:
     joined, faces = joined[real], faces[real]
     if not len(joined):
         raise complain(f"{what}: the mesh cannot be used", "triangles without any area", "a closed surface")
+    given = len(joined)
+    joined, faces = _once(joined, faces)
+    if not len(joined):
+        raise complain(
+            f"{what}: the mesh cannot be used",
+            "every triangle an even number of times, and open edges where each counts once",
+            "a closed surface",
+        )
     kept, number = np.unique(joined, return_inverse=True)
     points, joined, count = welded.points[kept], number.reshape(joined.shape), len(kept)
     edge, forward = _edges(joined, count)
@@ -153,8 +166,52 @@ def close(what: str, vertices: ArrayLike, triangles: ArrayLike) -> ClosedMesh:
         shells=int(shell.max()) + 1,
         merged=welded.merged,
         degenerate=degenerate,
+        repeated=given - len(joined),
         turned=int((flipped != turned).sum()),
     )
+
+
+def _once(triangles: Numbers, faces: Numbers) -> tuple[Numbers, Numbers]:
+    """Return the triangles, and their rows of another array, of which no two have the same corners.
+
+    Of an odd number of triangles one stays, in the direction of most. Even numbers of them are either surfaces that are
+    there twice or have two sides, of which one stays as well, or walls between two bodies, which go: there one would
+    leave open edges.
+    """
+    low = np.sort(triangles, axis=1)
+    order = np.lexsort((low[:, 2], low[:, 1], low[:, 0]))
+    is_new = np.append(True, (low[order[1:]] != low[order[:-1]]).any(axis=1))
+    if is_new.all():
+        return triangles, faces
+    place, first = np.cumsum(is_new) - 1, order[is_new]
+    rows, least = np.arange(len(triangles)), triangles.argmin(axis=1)
+    direction = np.sign(triangles[rows, (least + 2) % 3] - triangles[rows, (least + 1) % 3])
+    turned = np.bincount(place, direction[order]) * direction[first] < 0.0
+    stays = np.bincount(place) % 2 == 1
+    _close_by_pieces(triangles[first], stays)
+    first, turned = first[stays], turned[stays]
+    in_order = np.argsort(first)
+    first, turned = first[in_order], turned[in_order, None]
+    once, rows = (np.where(turned, array[first, ::-1], array[first]) for array in (triangles, faces))
+    return once, rows
+
+
+def _close_by_pieces(triangles: Numbers, stays: NDArray[np.bool_]) -> None:
+    """Let those connected pieces of the triangles that do not stay do so whose open edges are open without them."""
+    from scipy.sparse import coo_array  # type: ignore[import-untyped]
+    from scipy.sparse.csgraph import connected_components  # type: ignore[import-untyped]
+
+    rest = np.flatnonzero(~stays)
+    edge, _ = _edges(triangles, int(triangles.max()) + 1)
+    _, number = np.unique(edge, return_inverse=True)
+    number = number.reshape(-1, 3)
+    edges, nodes = int(number.max()) + 1, len(rest) + int(number.max()) + 1
+    own, owner = number[rest].reshape(-1), np.repeat(np.arange(len(rest)), 3)
+    graph = coo_array((np.ones(len(own), dtype=np.int8), (owner, len(rest) + own)), (nodes, nodes))
+    _, label = connected_components(graph, directed=False)
+    is_open, without = (np.bincount(some.reshape(-1), minlength=edges) % 2 == 1 for some in (own, number[stays]))
+    opens = np.bincount(label[len(rest) :], is_open & ~without, minlength=nodes) > 0.0
+    stays[rest] = ~opens[label[: len(rest)]]
 
 
 def _orientation(
@@ -165,8 +222,8 @@ def _orientation(
     In the graph each triangle has two nodes, one for each orientation, and neighbours are connected in the orientations
     that agree. A surface that connects the two nodes of a triangle has one side only.
     """
-    from scipy.sparse import coo_array  # type: ignore[import-untyped]
-    from scipy.sparse.csgraph import connected_components  # type: ignore[import-untyped]
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
 
     count = len(triangles)
     order = np.argsort(edge, kind="stable")

@@ -237,7 +237,7 @@ def solid(
     -------
     Kernels
         Larger spheres first; `report` has `spacing`, `mesh_volume`, `cell_volume` (of all cells together), `shells`,
-        `merged` (vertices), `degenerate` and `turned` (flipped) triangles.
+        `merged` (vertices), `degenerate`, `repeated` and `turned` (flipped) triangles.
 
     Raises
     ------
@@ -300,6 +300,6 @@ def solid(
             "spacing": size,
             "mesh_volume": mesh.volume,
             "cell_volume": float(np.sum(inside * edges**3)),
-            **{name: getattr(mesh, name) for name in ("shells", "merged", "degenerate", "turned")},
+            **{name: getattr(mesh, name) for name in ("shells", "merged", "degenerate", "repeated", "turned")},
         },
     )

@@ -62,6 +62,18 @@ def test_each_change_changes_the_picture_and_its_code_makes_it_again(opened, nam
     assert np.array_equal(made_by(session.code(), data, threads=1).rgba, after.rgba)
 
 
+def test_pictures_and_code_fit_a_size_before_it_is_drawn(opened):
+    data = volume()
+    session = opened(data)
+    page = Page(session)
+    page.wait("frame", last=True)
+    before = session.picture().camera
+    for size, ask in (((20, 90), session.picture), ((20, 60), lambda: made_by(session.code(), data))):
+        page.say(type="size", width=size[0], height=size[1])
+        camera = ask().camera
+        assert camera == session.shown.camera(session.scene(), size) != before
+
+
 @pytest.mark.parametrize("mode", ["composite", "isosurface", "xray", "mip", "minimum", "average"])
 def test_modes(opened, mode):
     data = volume()

@@ -20,6 +20,10 @@ pytestmark = [
 ]
 
 LAST = "window.sheetsplat.view.drawn.last"
+# A browser may lay out its page anew after the first picture.
+FITS = """(([width, height], stage, ratio) => width === Math.round(stage.clientWidth * ratio) &&
+height === Math.round(stage.clientHeight * ratio))(window.sheetsplat.view.drawn.size,
+document.querySelector('.stage'), Math.min(window.devicePixelRatio || 1, 1.5))"""
 # The panels stand beside the picture from 760 pixels on; the picture is small, so that it is drawn soon.
 SIZE = (780, 480)
 
@@ -47,7 +51,7 @@ def opened(browser):
             viewers.append(viewer)
         page = browser.page(viewer.url, SIZE)
         pages.append(page)
-        page.wait(LAST)
+        page.wait(f"{LAST} && {FITS}")
         return viewer, page
 
     yield make

@@ -118,20 +118,25 @@ class Session:
 
     def picture(self, size: tuple[int, int] | None = None, progress: Progress | None = None) -> Image:
         """Return the picture that is shown, complete; raises what `Renderer.render` does."""
-        state = self.state
-        scene = compose.scene_of(self.shown, state)
+        state, scene, own = self._settled()
         client = self.shown.client
         renderer = self.renderer(state)
-        return Prepared(scene, state.camera, size or self.size, renderer, progress=progress, client=client).render()
+        return Prepared(scene, state.camera, size or own, renderer, progress=progress, client=client).render()
+
+    def _settled(self) -> tuple[State, Scene, tuple[int, int]]:
+        """Return state, scene and size as the next picture has them: no picture may have been drawn at the size yet."""
+        state, size = self.state, self.size
+        scene = compose.scene_of(self.shown, state)
+        return self._framed(state, scene, size), scene, size
 
     def code(self) -> str:
         """Return Python that makes the picture that is shown."""
-        return python_code(self.shown, self.state, self.size)
+        state, _, size = self._settled()
+        return python_code(self.shown, state, size)
 
     def scene_file(self) -> SceneFile:
         """Return the scene that is shown as a scene file, exact; it names the data where they are files."""
-        state, size = self.state, self.size
-        scene = compose.scene_of(self.shown, state)
+        state, scene, size = self._settled()
         recipe = Recipe.of(scene, state.camera, size, self.renderer(state).settings)
         files = self.shown.files(state.choice, state.time)
         return SceneFile.of(recipe, files if len(files) == len(scene.fields) else ())

@@ -359,7 +359,7 @@ def test_a_mesh_of_a_hundred_thousand_equal_triangles_is_filled_in_a_moment() ->
 
 
 def test_a_wall_alone_is_no_surface() -> None:
-    with pytest.raises(InvalidInput, match="open edges where each counts once"):
+    with pytest.raises(InvalidInput, match="pairs of triangles of the same corners"):
         fit.solid(box()[0], [(0, 2, 3), (3, 2, 0)])
 
 

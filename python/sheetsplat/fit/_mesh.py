@@ -125,7 +125,7 @@ def close(what: str, vertices: ArrayLike, triangles: ArrayLike) -> ClosedMesh:
     if not len(joined):
         raise complain(
             f"{what}: the mesh cannot be used",
-            "every triangle an even number of times, and open edges where each counts once",
+            "pairs of triangles of the same corners, which have no volume inside",
             "a closed surface",
         )
     kept, number = np.unique(joined, return_inverse=True)

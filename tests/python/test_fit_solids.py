@@ -308,6 +308,26 @@ def test_orientation_is_mended() -> None:
     assert fit.solid(*filled, kernels=2000).sums(np.zeros((1, 3)))[1][0] > 1.0
 
 
+@pytest.mark.parametrize("seed", [None, 3])
+def test_shells_in_shells_are_walls_and_cavities_by_turns(seed: int | None) -> None:
+    """Of 300 boxes of one middle every other one is inside out: walls, and none of them is turned."""
+    sizes = np.arange(300, 0, -1) / 300
+    boxes = [box((-size,) * 3, (size,) * 3) for size in sizes]
+    boxes = [turned(one) if n % 2 else one for n, one in enumerate(boxes)]
+    vertices, triangles = joined(*boxes)
+    if seed is not None:
+        vertices = rotated((vertices, triangles), seed)[0]
+    start = time.process_time()
+    closed = close("x", vertices, triangles)
+    assert time.process_time() - start < 5.0
+    assert closed.turned == 0 and closed.shells == 300
+    assert closed.volume == pytest.approx(8.0 * (sizes**3 * (1 - 2 * (np.arange(300) % 2))).sum())
+    # Small ones inside out that are in no other are turned, among many triangles or large ones.
+    apart = [turned(box((x, 0, 0), (x + 0.01, 0.01, 0.01))) for x in np.arange(2, 4, 0.02)]
+    closed = close("x", *joined((vertices, triangles), *apart, box((-3, -3, -3), (5, 5, -2)), turned(ball(8))))
+    assert closed.turned == 12 * 100
+
+
 def test_triangles_without_area_and_points_that_are_there_twice_do_no_harm() -> None:
     vertices, triangles = rotated(box(), 1)
     expected = fit.solid(vertices, triangles, kernels=1000)

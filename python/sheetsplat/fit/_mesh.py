@@ -15,8 +15,10 @@ from ._kernels import Floats, Numbers, spans
 from ._points import merge, numbers, places
 
 _CHUNK = 1 << 18
-# Vertices of a shell that are tested for being inside other shells.
-_PROBES = 33
+# Of a shell at most so many triangles are tested for being inside other shells; it is a cavity if three quarters are.
+_PROBES, _OUTSIDE = 12, 0.25
+# Halvings of the finest of the grids in which triangles are found.
+_FINEST = 20
 
 
 def read_mesh(path: str | os.PathLike[str]) -> tuple[Floats, Numbers]:
@@ -265,27 +267,65 @@ def _outward(vertices: Floats, triangles: Numbers, shell: Numbers) -> NDArray[np
     inward = np.flatnonzero(sign * volume < 0.0)
     if not len(inward) or len(volume) == 1:
         return turn
-    positive = np.where((volume < 0.0)[shell][:, None], triangles[:, ::-1], triangles)
-    low, high = _boxes(vertices, triangles, shell)
-    for one in inward:
-        own = shell == one
-        corners = np.unique(triangles[own])
-        probes = vertices[corners[:: max(1, len(corners) // _PROBES)]]
-        # A closed shell has no point outside its box inside.
-        near = (low <= high[one]).all(axis=1) & (low[one] <= high).all(axis=1)
-        near[one] = False
-        around = winding_numbers(probes, vertices, positive[near[shell]])
-        if np.median(around) < 0.5:
-            turn[own] = ~turn[own]
+    outer = vertices[np.where((volume < 0.0)[shell][:, None], triangles[:, ::-1], triangles)]
+    # Triangles of those shells, by shells, at equal steps.
+    probe = np.flatnonzero(np.isin(shell, inward))
+    probe = probe[np.argsort(shell[probe], kind="stable")]
+    first = np.flatnonzero(np.diff(shell[probe], prepend=-1))
+    count = np.diff(first, append=len(probe))
+    rank = np.arange(len(probe)) - np.repeat(first, count)
+    probe = probe[rank % np.repeat(-(-count // _PROBES), count) == 0]
+    around, of = _winding_before(outer, probe), np.searchsorted(inward, shell[probe])
+    around, count = around[np.lexsort((around, of))], np.bincount(of)
+    quartile = around[np.cumsum(count) - count + (_OUTSIDE * count).astype(np.int64)]
+    turn[np.isin(shell, inward[quartile < 1])] ^= True
     return turn
 
 
-def _boxes(vertices: Floats, triangles: Numbers, shell: Numbers) -> tuple[Floats, Floats]:
-    """Return the lower and the upper corners of the boxes of shells, (S, 3) each."""
-    order = np.argsort(shell, kind="stable")
-    corners = vertices[triangles[order]]
-    first = np.flatnonzero(np.diff(shell[order], prepend=-1))
-    return np.minimum.reduceat(corners.min(axis=1), first), np.maximum.reduceat(corners.max(axis=1), first)
+def _winding_before(corners: Floats, some: Numbers) -> Numbers:
+    """Return the winding numbers of triangles, (T, 3, 3), in front of the middles of some of them.
+
+    They count triangles above the middles. Which these may be, grids tell: each triangle is in four cells at most, of
+    one whose cells are as large as it, so that it is compared with the middles in its surroundings only.
+    """
+    # Directions that no model has.
+    turned = corners @ np.linalg.qr(np.sin(np.arange(1.0, 10.0)).reshape(3, 3))[0]
+    turned = (turned - turned.min(axis=(0, 1))) / np.ptp(turned, axis=(0, 1)).max()
+    at, low, high = turned[some].mean(axis=1), turned.min(axis=1), turned.max(axis=1)
+    fine = np.minimum(-np.log2(np.maximum((high - low)[:, :2].max(axis=1), 0.5**_FINEST)), _FINEST).astype(np.int64)
+    near = (low[:, :2] <= at[:, :2].max(axis=0)).all(axis=1) & (high >= at.min(axis=0)).all(axis=1)
+    a, b, c = turned[some, :, :2].swapaxes(0, 1)
+    result = np.where(_area(b - a, c - a) < 0.0, -1, 0)
+    for level in np.unique(fine[near]):
+        here, cells = np.flatnonzero(near & (fine == level)), 2 ** int(level)
+        start, end = (np.floor(part[here] * cells).astype(np.int64) for part in (low, high))
+        column, x = _ranges(start[:, 0], end[:, 0] + 1)
+        row, y = _ranges(start[column, 1], end[column, 1] + 1)
+        cell, member = x[row] * 2 * cells + y, here[column[row]]
+        order = np.argsort(cell, kind="stable")
+        cell, member = cell[order], member[order]
+        own = np.floor(at[:, :2] * cells).astype(np.int64) @ (2 * cells, 1)
+        start, end = np.searchsorted(cell, own), np.searchsorted(cell, own, side="right")
+        for one, last in spans(end - start, _CHUNK):
+            point, other = _ranges(start[one:last], end[one:last])
+            point, other = point + one, member[other]
+            for axis in (0, 1, 2):
+                may = at[point, axis] <= high[other, axis]
+                may &= (at[point, axis] >= low[other, axis]) | (axis == 2)
+                point, other = point[may], other[may]
+            a, b, c = turned[other].swapaxes(0, 1) - at[point]
+            parts = np.stack([_area(b, c), _area(c, a), _area(a, b)])
+            up, total = parts > 0.0, parts.sum(axis=0)
+            hit = (up.all(axis=0) | ~up.any(axis=0)) & (other != some[point])
+            above = parts[0] * a[:, 2] + parts[1] * b[:, 2] + parts[2] * c[:, 2]
+            hit &= (above * total > 0.0) & (total != 0.0)
+            result += np.bincount(point[hit], np.sign(total[hit]), minlength=len(some)).astype(np.int64)
+    return result
+
+
+def _area(a: Floats, b: Floats) -> Floats:
+    """Return twice the areas of triangles between the origin and two corners, as seen along z."""
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
 def winding_numbers(points: ArrayLike, vertices: ArrayLike, triangles: ArrayLike) -> Floats:

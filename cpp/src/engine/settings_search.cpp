@@ -27,7 +27,7 @@ constexpr double lowest_order = 0.5;
 /// finest slices would not suffice though errors fell faster by this much of an order than they do.
 constexpr double stalled = 0.8;
 constexpr double faster_order = 0.75;
-/// Bisection steps for the slice distance of a requested time.
+/// Bisection steps for the slice distance of a time.
 constexpr int time_steps = 24;
 
 Settings at(const Settings& kind, const Settings& start, double spacing) {
@@ -159,6 +159,25 @@ class Search {
         return third * std::pow(finest_spacing / fine, order) > aim_;
     }
 
+    /// The finest slices of a kind that are faster than the best settings so far; none where the kind is never faster.
+    std::optional<double> finest_that_is_faster(const Settings& kind) {
+        const auto is_faster = [&](double spacing) {
+            return judge_.seconds(at(kind, start_, spacing)) < best_.seconds;
+        };
+        if (is_faster(finest_spacing)) {
+            return finest_spacing;
+        }
+        if (!is_faster(coarsest_spacing)) {
+            return std::nullopt;
+        }
+        double low = std::log(finest_spacing), high = std::log(coarsest_spacing);
+        for (int n = 0; n < time_steps; ++n) {
+            const double middle = 0.5 * (low + high);
+            (is_faster(std::exp(middle)) ? high : low) = middle;
+        }
+        return std::exp(high);
+    }
+
     /// The largest slice distance of a kind that keeps the error.
     void look(const Settings& kind) {
         const auto error = [&](double spacing) {
@@ -169,7 +188,14 @@ class Search {
             }
             return found;
         };
-        std::optional<double> found = error(1.0);
+        const bool first = !std::isfinite(best_.seconds);
+        const std::optional<double> least = first ? finest_spacing : finest_that_is_faster(kind);
+        if (!least) {
+            return;
+        }
+        // Errors grow with the slice distance: a kind that is not exact enough where it takes as long is never chosen.
+        double fine = first || !freedom_.spacing ? 1.0 : *least;
+        std::optional<double> found = error(fine);
         if (!found) {
             return;
         }
@@ -180,17 +206,16 @@ class Search {
             }
             return;
         }
-        double fine = 1.0, fine_error = *found, coarse_error = 0.0, before = 0.0;
+        double coarse = fine, fine_error = *found, coarse_error = 0.0, before = 0.0;
         while (fine_error > aim_) {
             if (before > 0.0 && is_hopeless(before, coarse_error, fine_error, fine)) {
                 return;
             }
             before = coarse_error;
+            coarse = fine;
             coarse_error = fine_error;
             fine *= 0.5;
-            // Finer slices only take longer.
-            if (fine < finest_spacing ||
-                judge_.seconds(at(kind, start_, std::min(2.0 * fine, coarsest_spacing))) > best_.seconds) {
+            if (fine < *least) {
                 return;
             }
             found = error(fine);
@@ -200,12 +225,13 @@ class Search {
             fine_error = *found;
         }
         while (coarse_error == 0.0 && fine < coarsest_spacing) {
-            found = error(2.0 * fine);
+            coarse = std::min(2.0 * fine, coarsest_spacing);
+            found = error(coarse);
             if (!found) {
                 break;
             }
             if (*found <= aim_) {
-                fine *= 2.0;
+                fine = coarse;
                 fine_error = *found;
             } else {
                 coarse_error = *found;
@@ -215,7 +241,6 @@ class Search {
         if (coarse_error == 0.0) {
             return;
         }
-        double coarse = 2.0 * fine;
         for (int n = 0; n < most_steps; ++n) {
             const double order =
                 std::max(lowest_order, std::log(coarse_error / std::max(fine_error, 1e-12)) / std::log(coarse / fine));

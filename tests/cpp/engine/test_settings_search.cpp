@@ -6,6 +6,7 @@
 #include <limits>
 #include <set>
 #include <string>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -192,6 +193,19 @@ TEST(Budget, AStopDoesNotHideWhichKindIsTheBestInATime) {
         EXPECT_LE(judge.stop_error(choice.settings), 0.5 * least) << most;
         EXPECT_NE(kind_of(choice.settings), "point sampling") << most;
     }
+}
+
+TEST(Budget, KindsThatNeverWinCostOneLookEach) {
+    Formula judge;
+    judge.first = judge.second = judge.slab = 1e3;
+    Freedom only_spacing;
+    only_spacing.preintegration = only_spacing.sampling = false;
+    const Choice alone = choose_settings(Settings{}, only_spacing, {3e-4, {}}, judge);
+    const int looks = std::exchange(judge.looks, 0);
+    const Choice choice = choose_settings(Settings{}, Freedom{}, {3e-4, {}}, judge);
+    EXPECT_EQ(kind_of(choice.settings), "point sampling");
+    EXPECT_EQ(choice.settings.slice_spacing, alone.settings.slice_spacing);
+    EXPECT_LE(judge.looks, looks + 3);
 }
 
 TEST(Budget, WhatIsOutOfReachIsSeenEarly) {

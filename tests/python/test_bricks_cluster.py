@@ -102,6 +102,26 @@ def test_bits_do_not_depend_on_the_number_of_workers(cluster, samples, stop):
     np.testing.assert_array_equal(both.pixels, one.pixels)
 
 
+def bricks_kept(dask_scheduler):
+    """Return how many bricks are drawn or let go again, and how many of them are kept."""
+    bricks = [one.state for key, one in dask_scheduler.tasks.items() if str(key).startswith("render-brick")]
+    return sum(state in ("memory", "released") for state in bricks), bricks.count("memory")
+
+
+@pytest.mark.slow
+def test_what_is_merged_is_let_go_while_a_picture_is_drawn(cluster, samples):
+    bricked = ss.open_bricks(samples, brick=8, client=cluster, quality="draft")
+    found, shares = [], []
+
+    def look(share):
+        found.append(cluster.run_on_scheduler(bricks_kept))
+        shares.append(share)
+
+    ss.render(bricked, client=cluster, size=(320, 240), quality="draft", opacity_stop=1.0, progress=look)
+    assert shares == sorted(shares) and shares[-1] == 1.0
+    assert any(drawn > 60 and kept < 0.6 * drawn for drawn, kept in found), found
+
+
 @pytest.mark.slow
 def test_bricks_behind_an_opaque_front_are_not_read(cluster):
     wall = np.zeros((64, 24, 24), np.uint8)

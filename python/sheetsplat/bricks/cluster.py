@@ -257,6 +257,8 @@ class Pending:
     ) -> None:
         self._client, self._what, self._submit, self._convert = client, what, submit, convert
         self._tasks: list[Any] = []
+        # How many tasks there were.
+        self._count = 1
         self._lost: list[str] = []
         self._begin()
 
@@ -266,6 +268,7 @@ class Pending:
         self._workers = set(cluster.workers)
         with _connected(self._client):
             self._tasks = list(self._submit(cluster).values())
+            self._count = len(self._tasks)
             done = threading.Event()
             self._tasks[-1].add_done_callback(lambda _: done.set())
         self._done, self._watched = done, time.monotonic()
@@ -284,6 +287,7 @@ class Pending:
             while True:
                 with _connected(self._client):
                     while not self._tasks[-1].done() and self._all_there():
+                        self._let_go()
                         self._tell(progress)
                         self._done.wait(_LOOK)
                     if self._tasks[-1].status in ("finished", "error"):
@@ -322,11 +326,21 @@ class Pending:
         self.cancel()
         self._begin()
 
+    def _let_go(self) -> None:
+        """Forget what is done but the result: workers keep it until all tasks that take it are done."""
+        *others, last = self._tasks
+        left = []
+        for one in others:
+            if one.status == "finished":
+                one.release()
+            else:
+                left.append(one)
+        self._tasks = [*left, last]
+
     def _tell(self, progress: Progress | None) -> None:
         if progress is None:
             return
-        done = sum(one.status == "finished" for one in self._tasks)
-        if progress(done / max(len(self._tasks), 1)) is False:
+        if progress(1.0 - len(self._tasks) / self._count) is False:
             raise complain("the picture was given up", option_ref("progress") + " returned False", kind=Cancelled)
 
     def cancel(self) -> None:

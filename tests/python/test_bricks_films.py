@@ -13,6 +13,7 @@ import pytest
 from bricked_volumes import ROUNDING, rmse
 
 import sheetsplat as ss
+from sheetsplat import api
 from sheetsplat.bricks.resident import residents
 
 
@@ -64,6 +65,66 @@ def test_workers_that_keep_all_of_the_data_draw_frames_of_their_own(cluster, sam
     film.save(tmp_path / "together")
     for one in sorted((tmp_path / "alone").iterdir()):
         assert one.read_bytes() == (tmp_path / "together" / one.name).read_bytes()
+
+
+@pytest.mark.slow
+def test_a_task_draws_several_frames_that_take_little_time(cluster, samples, tmp_path):
+    bricked = ss.open_bricks(samples, brick=64, client=cluster, quality="draft")
+    film = ss.turntable(bricked, frames=60, size=(40, 30), quality="draft", client=cluster)
+    keys, shares = set(), []
+
+    def look(share):
+        shares.append(share)
+        keys.update(cluster.futures)
+
+    film.save(tmp_path / "film", progress=look)
+    tasks = {str(key) for key in keys if str(key).startswith("render-frames-")}
+    # Alone at first, until it is known what they take, and at the end, where all workers shall end together.
+    assert 8 <= len(tasks) <= 40
+    assert shares == sorted(shares) and shares[-1] == 1.0
+    film.save(tmp_path / "here", workers=1)
+    for one in sorted((tmp_path / "here").iterdir()):
+        assert one.read_bytes() == (tmp_path / "film" / one.name).read_bytes()
+
+
+@pytest.mark.slow
+def test_a_film_that_is_given_up_leaves_the_workers_idle(cluster, samples, tmp_path):
+    bricked = ss.open_bricks(samples, brick=64, client=cluster, quality="draft")
+    # Each frame takes some 0.1 s, and a task has many.
+    film = ss.turntable(bricked, frames=400, size=(300, 300), quality="good", client=cluster, threads=1)
+
+    def seconds_until_idle(folder):
+        began = time.monotonic()
+        # In the midst of a task.
+        with pytest.raises(ss.Cancelled):
+            film.save(folder, progress=lambda share: time.monotonic() - began < 1.5)
+        stopped = time.monotonic()
+        while any(cluster.processing().values()) or any(cluster.run(busy).values()):
+            assert time.monotonic() - stopped < 20.0
+            time.sleep(0.02)
+        return time.monotonic() - began - 1.5
+
+    # A busy machine may take longer now and then.
+    assert any(seconds_until_idle(tmp_path / f"film{turn}") < 1.0 for turn in range(3))
+
+
+def busy(dask_worker):
+    """Return how many tasks a worker runs."""
+    return dask_worker.state.executing_count
+
+
+def test_frames_before_one_that_cannot_be_drawn_are_handed_over(samples):
+    from sheetsplat.animation.drawing import Task, draw_elsewhere, settings_of
+    from sheetsplat.animation.sources import OneScene
+
+    made = api.prepare(samples, size=(6, 4), quality="draft", backend="cpu")
+    settings = settings_of(made.renderer)
+    sizes = [(6, 4), (6, 4), (0, 4), (6, 4)]
+    tasks = [Task(number, made.camera, size, settings, "rgb") for number, size in enumerate(sizes)]
+    frames = draw_elsewhere(OneScene(made.scene), tasks).drawn()
+    assert [len(next(frames).content) for _ in range(2)] == [72, 72]
+    with pytest.raises(ss.InvalidInput):
+        next(frames)
 
 
 @pytest.mark.slow

@@ -1,9 +1,11 @@
-"""Drawing one frame, in this process or in another one."""
+"""Drawing frames, in this process or in another one."""
 
 from __future__ import annotations
 
+import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Literal
@@ -16,7 +18,7 @@ from sheetsplat.bricks.needs import bricked_field
 from sheetsplat.bricks.picture import draw as draw_in_bricks
 from sheetsplat.bricks.tasks import is_wanted, naming
 from sheetsplat.camera import Camera
-from sheetsplat.errors import Words
+from sheetsplat.errors import Cancelled, Error, Words
 from sheetsplat.image import Image
 from sheetsplat.notices import PictureWarning
 from sheetsplat.options.renderer import Progress
@@ -59,10 +61,25 @@ class Task:
 
 @dataclass(frozen=True)
 class Drawn:
-    """A frame that was drawn: its bytes, and the warnings about it."""
+    """A frame that was drawn: its bytes, the warnings about it, and the seconds that it took."""
 
     content: bytes
     notices: tuple[Words, ...] = ()
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Portion:
+    """Frames that one task drew in their order, and the error that kept it from drawing all."""
+
+    frames: tuple[Drawn, ...]
+    error: Error | None = None
+
+    def drawn(self) -> Iterator[Drawn]:
+        """Yield the frames; then raise the error."""
+        yield from self.frames
+        if self.error is not None:
+            raise self.error
 
 
 @lru_cache(maxsize=2)
@@ -99,19 +116,37 @@ def draw(scene: Scene, task: Task, progress: Progress | None = None) -> Image:
     return renderer.render(scene, task.camera, size=task.size, progress=progress)
 
 
-def draw_by_worker(source: Source, task: Task) -> Drawn:
+def draw_by_worker(source: Source, tasks: Sequence[Task]) -> Portion:
     """Return what `draw_elsewhere` does, in a worker of dask: until the task is cancelled; errors name the worker."""
-    with naming(f"frame {task.number}"):
-        return draw_elsewhere(source, task, is_wanted)
+    return _portion(source, tasks, by_worker=True)
 
 
-def draw_elsewhere(source: Source, task: Task, progress: Progress | None = None) -> Drawn:
-    """Return a frame as bytes, with its warnings: for other processes, which keep the scene of their last source."""
+def draw_elsewhere(source: Source, tasks: Sequence[Task]) -> Portion:
+    """Return frames as bytes, with their warnings: for other processes, which keep the scene of their last source."""
+    return _portion(source, tasks, by_worker=False)
+
+
+def _portion(source: Source, tasks: Sequence[Task], *, by_worker: bool) -> Portion:
+    frames: list[Drawn] = []
+    for task in tasks:
+        try:
+            with naming(f"frame {task.number}") if by_worker else nullcontext():
+                frames.append(_frame(source, task, is_wanted if by_worker else None))
+        except Cancelled:
+            raise
+        except Error as error:
+            return Portion(tuple(frames), error)
+    return Portion(tuple(frames))
+
+
+def _frame(source: Source, task: Task, progress: Progress | None) -> Drawn:
+    began = time.perf_counter()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", PictureWarning)
         content = content_of(draw(_scene_of(source), task, progress), task)
     told = [one.message for one in caught]
-    return Drawn(content, tuple(one.words for one in told if isinstance(one, PictureWarning)))
+    notices = tuple(one.words for one in told if isinstance(one, PictureWarning))
+    return Drawn(content, notices, time.perf_counter() - began)
 
 
 _last: list[tuple[Source, Scene]] = []

@@ -5,13 +5,17 @@ from __future__ import annotations
 import base64
 import hashlib
 import io
+import itertools
 import logging
 import os
 import tempfile
+import threading
 import time
+import uuid
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, overload
 
@@ -21,8 +25,8 @@ from sheetsplat import _sheetsplat
 from sheetsplat._checks import check_progress, file_path, truth
 from sheetsplat._time_left import time_left
 from sheetsplat.animation.drawing import (
-    Drawn,
     Form,
+    Portion,
     Task,
     content_of,
     draw_by_worker,
@@ -32,6 +36,7 @@ from sheetsplat.animation.drawing import (
 )
 from sheetsplat.animation.encoding import SUFFIXES, encoder, find_ffmpeg
 from sheetsplat.animation.folder import frames_there, held, make_folder, name_of
+from sheetsplat.animation.portions import PortionSize
 from sheetsplat.animation.sources import MemoryStep, OneScene, Source
 from sheetsplat.animation.workers import Workers, cores
 from sheetsplat.bricks.cluster import frames_side_by_side
@@ -51,8 +56,10 @@ from sheetsplat.renderer import Renderer
 
 _log = logging.getLogger("sheetsplat")
 
-# How many frames are drawn ahead of the one that is written, in frames for each process.
+# How many tasks are ahead of the frame that is written, for each process.
 _AHEAD = 2
+# Seconds between two looks at whether the film is still wanted.
+_LOOK = 0.05
 
 
 @dataclass(frozen=True)
@@ -285,39 +292,40 @@ class Animation(Sequence[Image]):
         pool: Workers | None = None,
         workers: int = 1,
     ) -> Iterator[tuple[int, bytes]]:
-        ahead = _AHEAD * (workers if pool is not None else max(workers, _parallel(client)))
-        waiting: deque[tuple[int, Any]] = deque()
-        scattered: list[tuple[Source, Any]] = []
-        rest = iter(numbers)
-        done = 0
+        processes = workers if pool is not None else max(workers, _parallel(client))
+        size = PortionSize(processes)
+        waiting: deque[tuple[Sequence[int], Any]] = deque()
+        submit = _submitter(client, pool)
+        begun = done = 0
         try:
-            while True:
-                while len(waiting) < ahead and (number := next(rest, None)) is not None:
-                    frame = self._frames[number]
+            while done < len(numbers):
+                while len(waiting) < _AHEAD * processes and begun < len(numbers):
+                    portion = self._of_one_source(numbers[begun : begun + size.of(len(numbers) - begun)])
+                    frame = self._frames[portion[0]]
                     assert isinstance(frame, SceneFrame)
-                    source = self._source(frame)
-                    if pool is not None:
-                        future: Any = pool.submit(source, task(number))
-                    elif hasattr(client, "scatter"):
-                        if not scattered or scattered[0][0] is not source:
-                            # By a name of its own: one by content may be that of another film, just being released.
-                            scattered[:] = [(source, client.scatter(source, broadcast=True, hash=False))]
-                        future = client.submit(draw_by_worker, scattered[0][1], task(number), pure=False)
-                    else:
-                        future = client.submit(draw_elsewhere, source, task(number))
-                    waiting.append((number, future))
-                if not waiting:
-                    return
-                number, future = waiting.popleft()
-                drawn: Drawn = future.result()
-                for words in drawn.notices:
-                    warn(words)
-                yield number, drawn.content
-                done += 1
-                _tell(progress, done / len(numbers))
+                    waiting.append((portion, submit(self._source(frame), tuple(map(task, portion)))))
+                    begun += len(portion)
+                portion, future = waiting[0]
+                share = done / len(numbers)
+                drawn = _when_done(future, partial(_tell, progress, share))
+                waiting.popleft()
+                size.learn(drawn.frames)
+                for number, one in zip(portion, drawn.drawn(), strict=True):
+                    for words in one.notices:
+                        warn(words)
+                    yield number, one.content
+                    done += 1
+                    _tell(progress, done / len(numbers))
         finally:
             for _, future in waiting:
                 future.cancel()
+
+    def _of_one_source(self, numbers: Sequence[int]) -> Sequence[int]:
+        """Return the first of some frames that have the same source as the first one."""
+        first: Any = self._frames[numbers[0]]
+        return list(
+            itertools.takewhile(lambda number: getattr(self._frames[number], "source", None) is first.source, numbers)
+        )
 
     # ------------------------------------------------------------------------------------------------------- writing
 
@@ -446,6 +454,34 @@ def _alone(client: Any, frame: Frame) -> int:
         return 0
     field = bricked_field(frame.source.template)
     return 0 if field is None else frames_side_by_side(client, field)
+
+
+def _submitter(client: Any, pool: Workers | None) -> Callable[[Source, tuple[Task, ...]], Any]:
+    """Return what hands frames of one source over, and returns their future."""
+    if pool is not None:
+        return pool.submit
+    if not hasattr(client, "scatter"):
+        return lambda source, tasks: client.submit(draw_elsewhere, source, tasks)
+    run, counts = uuid.uuid4().hex, itertools.count()
+    scattered: list[tuple[Source, Any]] = []
+
+    def submit(source: Source, tasks: tuple[Task, ...]) -> Any:
+        if not scattered or scattered[0][0] is not source:
+            # By a name of its own: one by content may be that of another film, just being released.
+            scattered[:] = [(source, client.scatter(source, broadcast=True, hash=False))]
+        return client.submit(draw_by_worker, scattered[0][1], tasks, key=f"render-frames-{run}-{next(counts)}")
+
+    return submit
+
+
+def _when_done(future: Any, look: Callable[[], None]) -> Portion:
+    """Return a result, and look meanwhile."""
+    done = threading.Event()
+    future.add_done_callback(lambda _: done.set())
+    while not done.wait(_LOOK) and not future.done():
+        look()
+    portion: Portion = future.result()
+    return portion
 
 
 def _in_bricks(frame: Frame) -> bool:

@@ -12,7 +12,7 @@ import signal
 import sys
 from typing import Any
 
-from sheetsplat.animation.drawing import Drawn, Task, draw_elsewhere
+from sheetsplat.animation.drawing import Portion, Task, draw_elsewhere
 from sheetsplat.animation.sources import Source
 
 
@@ -27,10 +27,10 @@ def main() -> None:
     source: Any = None
     while True:
         try:
-            task: tuple[Source | None, Task] = pickle.load(tasks)
+            task: tuple[Source | None, tuple[Task, ...]] = pickle.load(tasks)
         except EOFError:
             return
-        answer: Drawn | BaseException
+        answer: Portion | BaseException
         try:
             source = task[0] or source
             answer = draw_elsewhere(source, task[1])

@@ -12,15 +12,15 @@ import threading
 from concurrent.futures import Future
 from typing import Any
 
-from sheetsplat.animation.drawing import Drawn, Task
+from sheetsplat.animation.drawing import Portion, Task
 from sheetsplat.animation.sources import Source
 from sheetsplat.errors import Error, complain
 
-_Job = tuple[Source, Task, "Future[Drawn]"]
+_Job = tuple[Source, tuple[Task, ...], "Future[Portion]"]
 
 
 class Workers:
-    """A number of processes, each with a thread here that hands it one frame after the other."""
+    """A number of processes, each with a thread here that hands it some frames after the other."""
 
     def __init__(self, count: int) -> None:
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
@@ -36,32 +36,32 @@ class Workers:
         for thread in self._threads:
             thread.start()
 
-    def submit(self, source: Source, task: Task) -> Future[Drawn]:
-        """Return the future frame."""
-        future: Future[Drawn] = Future()
-        self._jobs.put((source, task, future))
+    def submit(self, source: Source, tasks: tuple[Task, ...]) -> Future[Portion]:
+        """Return the future frames."""
+        future: Future[Portion] = Future()
+        self._jobs.put((source, tasks, future))
         return future
 
     def _serve(self, process: subprocess.Popen[bytes]) -> None:
         assert process.stdin is not None and process.stdout is not None
         known: Source | None = None
         while (job := self._jobs.get()) is not None:
-            source, task, future = job
+            source, tasks, future = job
             if self._closed or not future.set_running_or_notify_cancel():
                 continue
             try:
                 sent = None if source is known else source
-                pickle.dump((sent, task), process.stdin, 5)
+                pickle.dump((sent, tasks), process.stdin, 5)
                 process.stdin.flush()
                 answer: Any = pickle.load(process.stdout)
                 known = source
             except (OSError, EOFError, pickle.UnpicklingError):
                 code = process.wait()
                 found = f"a process that ended with the code {code}"
-                answer = complain("a frame was not drawn", found, "a frame", "use fewer workers", kind=Error)
+                answer = complain("frames were not drawn", found, "frames", "use fewer workers", kind=Error)
             except BaseException as error:
                 answer = error
-            if isinstance(answer, Drawn):
+            if isinstance(answer, Portion):
                 future.set_result(answer)
             else:
                 future.set_exception(answer)

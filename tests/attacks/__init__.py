@@ -8,11 +8,16 @@ the same seed does the same. Tests run small counts of each (tests/python/test_a
 
 from __future__ import annotations
 
+import signal
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 #: Failures that are kept in full: more of them are the same one.
 MOST_KEPT = 50
+# Elapsed over processor time beyond which a call waits for what never comes, also where other processes run.
+_WAITING = 10.0
 
 
 @dataclass
@@ -36,3 +41,28 @@ class Tally:
         """Return counts, a line each, and then all failures."""
         lines = [f"{count:9,} {kind}" for kind, count in sorted(self.done.items())]
         return "\n".join([*lines, *(f"FAILED {one}" for one in self.failures)])
+
+
+class _Late(BaseException):
+    """What was asked for takes too long."""
+
+
+def _late(*_: object) -> None:
+    raise _Late
+
+
+@contextmanager
+def soon(tally: Tally, said: str, seconds: float) -> Iterator[None]:
+    """Note a failure where a block takes more processor time of this process than `seconds`, or waits for ever."""
+    limits = ((signal.SIGPROF, signal.ITIMER_PROF, seconds), (signal.SIGALRM, signal.ITIMER_REAL, _WAITING * seconds))
+    before = [signal.signal(number, _late) for number, _, _ in limits]
+    for _, timer, limit in limits:
+        signal.setitimer(timer, limit)
+    try:
+        yield
+    except _Late:
+        tally.failed(f"{said}: longer than {seconds} s")
+    finally:
+        for (number, timer, _), handler in zip(limits, before, strict=True):
+            signal.setitimer(timer, 0)
+            signal.signal(number, handler)

@@ -6,7 +6,6 @@ import inspect
 import os
 import random
 import resource
-import signal
 import tempfile
 import traceback
 import warnings
@@ -18,7 +17,7 @@ from typing import Any
 import numpy as np
 
 import sheetsplat as ss
-from attacks import Tally
+from attacks import Tally, soon
 from attacks.values import FOREIGN
 from sheetsplat import tiles
 from sheetsplat.options.bricks import OpenBricksOptions
@@ -37,14 +36,6 @@ _CALL = {("", "cmap"), ("", "progress"), ("", "opacity"), ("fit.solid", "values"
 _FIRST = "the first"
 # Of address space: whoever makes a list of a range without an end is told so before the machine is full.
 _MEMORY = 6 << 30
-
-
-class _Late(BaseException):
-    """What was asked for takes too long."""
-
-
-def _late(*_: object) -> None:
-    raise _Late
 
 
 class Calls:
@@ -247,7 +238,6 @@ def foreign_arguments(seed: int, count: int) -> Tally:
     tally, rng = Tally(), random.Random(seed)
     limits = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, limits[1]))
-    before = signal.signal(signal.SIGALRM, _late)
     kinds: Counter[str] = Counter()
     where = os.getcwd()
     try:
@@ -263,16 +253,14 @@ def foreign_arguments(seed: int, count: int) -> Tally:
                 given = {**right, **{name: FOREIGN[kind]() for name, kind in chosen.items()}}
                 said = f"{number}: {one} with {chosen}"
                 tally.did("calls")
-                signal.alarm(_SECONDS)
                 try:
-                    _called(function, given)
-                    tally.did("calls that work")
+                    with soon(tally, said, _SECONDS):
+                        _called(function, given)
+                        tally.did("calls that work")
                 except ss.Error as error:
                     tally.did("errors of the package")
                     if len(str(error)) > 4000 or not str(error).strip():
                         tally.failed(f"{said}: a message of {len(str(error))} characters")
-                except _Late:
-                    tally.failed(f"{said}: longer than {_SECONDS} s")
                 except Exception as error:  # Whatever else is raised is what is looked for.
                     called = [at for at, kind in chosen.items() if kind in _CALLED]
                     own = any({("", at), (one, at)} & _CALL for at in called)
@@ -287,13 +275,10 @@ def foreign_arguments(seed: int, count: int) -> Tally:
                                 for at in traceback.extract_tb(error.__traceback__)
                             ]
                             tally.failed(f"{said}: {type(error).__name__}: {str(error)[:200]!r} {frames[-6:]}")
-                finally:
-                    signal.alarm(0)
             left = [path for path in Path(name).iterdir() if path.name.startswith(".") or path.suffix == ".part"]
             if left:
                 tally.failed(f"half-written files: {left}")
     finally:
         os.chdir(where)
-        signal.signal(signal.SIGALRM, before)
         resource.setrlimit(resource.RLIMIT_AS, limits)
     return tally

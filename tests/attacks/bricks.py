@@ -20,11 +20,12 @@ from typing import Any
 import numpy as np
 
 import sheetsplat as ss
-from attacks import Tally
+from attacks import Tally, soon
 
 SIZE = (40, 32)
 _SHAPE = (30, 34, 28)
 _PATIENCE = 60.0
+_SECONDS = 30.0
 # Seconds in which a killed worker comes back, on machines that are busy with other things too. A nanny whose new
 # process ends while it starts gives up, and a LocalCluster gives up a worker that is away for longer: others are asked
 # for then.
@@ -195,7 +196,7 @@ def damaged_chunks(seed: int, count: int) -> Tally:
             residents().clear()
             said = f"{number}: {data.rpartition('/used/')[2]}"
             try:
-                with _soon(tally, said):
+                with soon(tally, said, _SECONDS):
                     kind = _damage(rng, chosen) if early else ""
                     opened = ss.open_bricks(data, brick=12, quality="draft", **options)
                     residents().clear()
@@ -209,28 +210,6 @@ def damaged_chunks(seed: int, count: int) -> Tally:
             except Exception as error:  # Whatever else is raised is what is looked for.
                 tally.failed(f"{said}, {chosen.name}: {type(error).__name__}: {error}")
     return tally
-
-
-class _Late(BaseException):
-    """What was asked for takes too long."""
-
-
-@contextmanager
-def _soon(tally: Tally, said: str, seconds: float = 30.0) -> Iterator[None]:
-    """Note a failure where a block takes longer."""
-
-    def late(*_: object) -> None:
-        raise _Late
-
-    before = signal.signal(signal.SIGALRM, late)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        yield
-    except _Late:
-        tally.failed(f"{said}: longer than {seconds} s")
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
 
 
 class _Array:
@@ -360,7 +339,7 @@ def hostile_arrays(seed: int, count: int) -> Tally:
             said = f"{number}: {name}, brick {brick}, {options}"
             tally.did("arrays")
             try:
-                with _soon(tally, said):
+                with soon(tally, said, _SECONDS):
                     opened = ss.open_bricks(make(), brick=brick, quality=rng.choice(("draft", "good")), **options)
                     drawn = ss.render(
                         opened, size=(24, 20), mode=rng.choice(("composite", "mip", "isosurface", "xray"))

@@ -6,7 +6,6 @@ import copy
 import json
 import random
 import shutil
-import signal
 import struct
 import sys
 import tempfile
@@ -20,7 +19,7 @@ from typing import Any
 import numpy as np
 
 import sheetsplat as ss
-from attacks import Tally
+from attacks import Tally, soon
 from attacks.lines import viewer
 from attacks.messages import Faults, good, rest, spoiled
 from attacks.values import FOREIGN, json_value
@@ -38,14 +37,6 @@ _TAGS = (
     "BitsStored", "HighBit", "PixelRepresentation", "SamplesPerPixel", "PhotometricInterpretation", "Modality",
     "PixelData", "PerFrameFunctionalGroupsSequence", "SharedFunctionalGroupsSequence", "SliceThickness",
 )  # fmt: skip
-
-
-class _Late(BaseException):
-    """What was asked for takes too long."""
-
-
-def _late(*_: object) -> None:
-    raise _Late
 
 
 def _replaced(written: bytes, tag: Any, value: bytes, rng: random.Random) -> bytes:
@@ -187,36 +178,29 @@ KINDS: dict[str, Callable[[Path, random.Random], Callable[[], object]]] = {
 def foreign_headers(seed: int, count: int) -> Tally:
     """Open data whose headers say what nobody expects: finite samples, or an error of the package, in time."""
     tally, rng = Tally(), random.Random(seed)
-    before = signal.signal(signal.SIGALRM, _late)
-    try:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            for number in range(count):
-                kind = rng.choice(sorted(KINDS))
-                folder = Path(tempfile.mkdtemp())
-                opened = KINDS[kind](folder, rng)
-                try:
-                    said = f"{number}: {kind} {opened.__doc__ or ''}"
-                    tally.did(f"{kind}: opened")
-                    signal.alarm(_SECONDS)
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        for number in range(count):
+            kind = rng.choice(sorted(KINDS))
+            folder = Path(tempfile.mkdtemp())
+            opened = KINDS[kind](folder, rng)
+            try:
+                said = f"{number}: {kind} {opened.__doc__ or ''}"
+                tally.did(f"{kind}: opened")
+                with soon(tally, said, _SECONDS):
                     field = opened()
                     tally.did(f"{kind}: read")
                     if isinstance(field, ss.RegularField) and not np.isfinite(field.values).all():
                         tally.failed(f"{said}: samples that are not finite")
-                except ss.Error as error:
-                    if not 0 < len(str(error)) < 4000:
-                        tally.failed(f"{said}: a message of {len(str(error))} characters")
-                except _Late:
-                    tally.failed(f"{said}: longer than {_SECONDS} s")
-                except Exception as error:  # Whatever else is raised is what is looked for.
-                    frames = traceback.extract_tb(error.__traceback__)[-6:]
-                    places = [f"{Path(at.filename).name}:{at.lineno}" for at in frames]
-                    tally.failed(f"{said}: {type(error).__name__}: {str(error)[:200]!r} {places}")
-                finally:
-                    signal.alarm(0)
-                    shutil.rmtree(folder, ignore_errors=True)
-    finally:
-        signal.signal(signal.SIGALRM, before)
+            except ss.Error as error:
+                if not 0 < len(str(error)) < 4000:
+                    tally.failed(f"{said}: a message of {len(str(error))} characters")
+            except Exception as error:  # Whatever else is raised is what is looked for.
+                frames = traceback.extract_tb(error.__traceback__)[-6:]
+                places = [f"{Path(at.filename).name}:{at.lineno}" for at in frames]
+                tally.failed(f"{said}: {type(error).__name__}: {str(error)[:200]!r} {places}")
+            finally:
+                shutil.rmtree(folder, ignore_errors=True)
     return tally
 
 

@@ -122,6 +122,36 @@ def test_what_is_merged_is_let_go_while_a_picture_is_drawn(cluster, samples):
     assert any(drawn > 60 and kept < 0.6 * drawn for drawn, kept in found), found
 
 
+def spans_of_dask(dask_scheduler):
+    return len(dask_scheduler.extensions["spans"].spans)
+
+
+def counters_of_dask(dask_worker):
+    return len(dask_worker.digests_total)
+
+
+def test_what_dask_counts_does_not_grow_with_pictures(cluster, samples):
+    """It keeps a counter of each task of a span, on the workers too, for ever."""
+    import distributed
+
+    bricked = ss.open_bricks(samples, brick=16, client=cluster, quality="draft")
+
+    def counted():
+        # (Each of the workers has had each kind of task after a few pictures.)
+        for azimuth in range(0, 360, 60):
+            ss.render(bricked, client=cluster, size=(32, 24), quality="draft", azimuth=azimuth)
+        return cluster.run_on_scheduler(spans_of_dask), sum(cluster.run(counters_of_dask).values())
+
+    counted()
+    (spans, counters), (later_spans, later_counters) = counted(), counted()
+    assert later_spans == spans
+    assert later_counters - counters < 40
+
+    with distributed.span("mine") as mine:
+        ss.render(bricked, client=cluster, size=(32, 24), quality="draft")
+    assert cluster.run_on_scheduler(lambda dask_scheduler: mine in dask_scheduler.extensions["spans"].spans)
+
+
 @pytest.mark.slow
 def test_bricks_behind_an_opaque_front_are_not_read(cluster):
     wall = np.zeros((64, 24, 24), np.uint8)

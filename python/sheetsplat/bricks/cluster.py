@@ -115,6 +115,8 @@ class _Cluster:
         self._client = weakref.ref(client)
         self._checked: set[str] = set()
         self._places: dict[tuple[str, int], str] = {}
+        # Dask's processes count by spans as long as they live, and each picture would be a new one.
+        self.span = {"name": ("sheetsplat",), "ids": (uuid.uuid4().hex,)}
         self._sent: dict[str, Any] = {}
         self._kept: dict[bytes, tuple[Any, frozenset[str]]] = {}
 
@@ -401,11 +403,13 @@ class _Tasks:
 
     def submit(self) -> dict[str, Any]:
         """Submit all tasks; return their futures by their keys, in the order in which they were added."""
+        from dask.base import get_annotations
         from dask.highlevelgraph import HighLevelGraph, MaterializedLayer
 
+        span = get_annotations().get("span", self._cluster.span)
         layers = {
             f"{worker}-{self._run}": MaterializedLayer(
-                tasks, annotations=None if worker is None else {"workers": [worker]}
+                tasks, annotations={"span": span} if worker is None else {"span": span, "workers": [worker]}
             )
             for worker, tasks in self._tasks.items()
         }

@@ -2,7 +2,7 @@
 // would make a NaN in a thread of the pool. Afterwards the same renderer draws as before.
 //
 // The allocation functions of this executable are replaced: they can be told to fail, and to hand out memory that holds
-// NaN, before and behind what was asked for.
+// NaN, before and behind what was asked for. The thread sanitizer has its own, which no program may replace.
 #include <atomic>
 #include <cfenv>
 #include <chrono>
@@ -22,6 +22,14 @@
 #include "sheetsplat/error.hpp"
 #include "support/cpu_drawing.hpp"
 
+#if defined(__SANITIZE_THREAD__)
+#define ALLOCATIONS_ARE_THE_SANITIZERS
+#elif defined(__has_feature)
+#if __has_feature(thread_sanitizer)
+#define ALLOCATIONS_ARE_THE_SANITIZERS
+#endif
+#endif
+
 namespace {
 
 /// Allocations until the one that fails; negative: none does, or it is past.
@@ -32,8 +40,13 @@ std::atomic<bool> exhausted{false};
 /// Allocations that failed.
 std::atomic<std::int64_t> failures{0};
 std::atomic<bool> garbage{false};
-/// Behind memory for vectors of numbers.
+#ifndef ALLOCATIONS_ARE_THE_SANITIZERS
+/// Behind memory for vectors of numbers; the address sanitizer sees by itself what is read there.
+#ifdef SHEETSPLAT_SANITIZED
+constexpr std::size_t behind = 0;
+#else
 constexpr std::size_t behind = 1 << 16;
+#endif
 /// What an error's text takes is there even when memory for pictures is not.
 constexpr std::size_t small = 1024;
 
@@ -65,8 +78,14 @@ void* allocate(std::size_t size, std::size_t alignment) {
     }
     return memory;
 }
+#endif
 
 } // namespace
+
+#ifdef ALLOCATIONS_ARE_THE_SANITIZERS
+#define NEEDS_ITS_OWN_ALLOCATIONS() GTEST_SKIP() << "the allocation functions are the sanitizer's"
+#else
+#define NEEDS_ITS_OWN_ALLOCATIONS() static_cast<void>(0)
 
 void* operator new(std::size_t size) { return allocate(size, alignof(std::max_align_t)); }
 void* operator new[](std::size_t size) { return allocate(size, alignof(std::max_align_t)); }
@@ -84,6 +103,7 @@ void operator delete(void* memory, std::align_val_t) noexcept { std::free(memory
 void operator delete[](void* memory, std::align_val_t) noexcept { std::free(memory); }
 void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std::free(memory); }
 void operator delete[](void* memory, std::size_t, std::align_val_t) noexcept { std::free(memory); }
+#endif
 
 namespace sheetsplat::backend_cpu {
 namespace {
@@ -126,6 +146,7 @@ Shot busy_shot(bool perspective = true) {
 }
 
 TEST(Faults, MemoryThatRunsOutAnywhereIsToldAndTheRendererDrawsOn) {
+    NEEDS_ITS_OWN_ALLOCATIONS();
     for (const Precision precision : {Precision::float32, Precision::float64}) {
         for (const int threads : {1, 3}) {
             for (const bool stays : {false, true}) {
@@ -165,6 +186,7 @@ TEST(Faults, MemoryThatRunsOutAnywhereIsToldAndTheRendererDrawsOn) {
 }
 
 TEST(Faults, MemoryThatRunsOutInALaterPictureIsToldToo) {
+    NEEDS_ITS_OWN_ALLOCATIONS();
     const CpuDrawing drawing(busy_shot(), Precision::float32), other(busy_shot(false), Precision::float32);
     const Image whole = drawing.draw({30, 2}), whole_other = other.draw({30, 2});
     const Job job = other.job_with({30, 2});
@@ -187,6 +209,7 @@ TEST(Faults, MemoryThatRunsOutInALaterPictureIsToldToo) {
 /// What is read was written: pictures are the same on memory that holds NaN all around. Channels and sizes of tiles
 /// change from picture to picture.
 TEST(Faults, NothingIsReadThatWasNotWritten) {
+    NEEDS_ITS_OWN_ALLOCATIONS();
     // Its first slice covers all of it, and is looked at together with the one before, where there is nothing.
     const auto block =
         std::make_shared<const RegularField>(std::vector<float>(6 * 6 * 6, 1.0F), std::array<std::size_t, 3>{6, 6, 6});

@@ -26,6 +26,7 @@ class Tally:
 
     done: Counter[str] = field(default_factory=Counter)
     failures: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
 
     def did(self, kind: str, count: int = 1) -> None:
         """Count something that was done."""
@@ -37,10 +38,14 @@ class Tally:
         if len(self.failures) < MOST_KEPT:
             self.failures.append(text)
 
+    def note(self, text: str) -> None:
+        """Keep what was measured."""
+        self.notes.append(text)
+
     def __str__(self) -> str:
-        """Return counts, a line each, and then all failures."""
+        """Return counts, a line each, what was measured, and then all failures."""
         lines = [f"{count:9,} {kind}" for kind, count in sorted(self.done.items())]
-        return "\n".join([*lines, *(f"FAILED {one}" for one in self.failures)])
+        return "\n".join([*lines, *self.notes, *(f"FAILED {one}" for one in self.failures)])
 
 
 class _Late(BaseException):

@@ -13,7 +13,7 @@ ATTACKS = {
     "lines": "lines",
     "many_pages": "lines",
     "slow_readers": "lines",
-    "frames_of_a_session": "lines",
+    "long_run": "long_runs",
     "kills_of_workers": "bricks",
     "damaged_chunks": "bricks",
     "hostile_arrays": "bricks",

@@ -21,6 +21,7 @@ import numpy as np
 
 import sheetsplat as ss
 from attacks import Tally, soon
+from attacks.forgetful import FORGETFUL
 
 SIZE = (40, 32)
 _SHAPE = (30, 34, 28)
@@ -46,7 +47,7 @@ def cluster(workers: int = 3) -> Iterator[Any]:
     import distributed
 
     with (
-        dask.config.set({"distributed.deploy.lost-worker-timeout": f"{_AWAY:.0f}s"}),
+        dask.config.set({"distributed.deploy.lost-worker-timeout": f"{_AWAY:.0f}s", **FORGETFUL}),
         distributed.LocalCluster(
             n_workers=workers,
             threads_per_worker=1,

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 import sheetsplat as ss
 from attacks.changes import CHANGES
+from attacks.forgetful import FORGETFUL
 from fuzz.cases import Case
 from fuzz.limits import resident
 from fuzz.part import RIGHT, Outcome, Part
@@ -198,9 +199,7 @@ def viewer(case: Case, folder: Path) -> Outcome:
 def _cluster() -> Any:
     """Return a client of two worker processes; they end with this process."""
     distributed: Any = importlib.import_module("distributed")
-    # What the scheduler remembers of tasks that are done would look like growth.
-    logs = {"admin.low-level-log-length": 10, "admin.log-length": 10, "diagnostics.computations.max-history": 1}
-    importlib.import_module("dask").config.set({f"distributed.{name}": length for name, length in logs.items()})
+    importlib.import_module("dask").config.set(FORGETFUL)
 
     cluster = distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=logging.CRITICAL

@@ -44,6 +44,15 @@ def test_schedulers_that_end() -> None:
     assert not found.failures, found
 
 
+@pytest.mark.slow
+def test_a_long_run_does_not_grow() -> None:
+    pytest.importorskip("aiohttp", reason="aiohttp is not installed")
+    from attacks import long_runs
+
+    found = long_runs.long_run(0, 120)
+    assert not found.failures and found.done["frames by workers"] == 30 and found.done["pages that came"] > 2, found
+
+
 @pytest.mark.timeout(60)
 @pytest.mark.parametrize("which", ["0.0.0", ".zattrs"])
 def test_a_pipe_in_a_zarr_folder_is_not_waited_for(tmp_path: Path, which: str) -> None:

@@ -50,12 +50,6 @@ def test_fifty_pages_at_once() -> None:
     assert not found.failures and found.done["pages that got a picture"] == 32, found
 
 
-@pytest.mark.slow
-def test_a_session_does_not_grow() -> None:
-    found = lines.frames_of_a_session(0, 200)
-    assert not found.failures and found.done["frames"] == 200, found
-
-
 def test_data_that_change_under_a_session() -> None:
     found = endings.swapped_fields(0, 60)
     assert not found.failures and found.done["pictures of whole files"] == 3, found

@@ -128,7 +128,8 @@ def draw_brick(
     image = renderer.native.render(scene=scene, camera=camera.native, size=size, **_also(view), progress=progress)
 
     def of(array: NDArray[np.float32] | None, dtype: type = np.float32) -> NDArray[np.floating] | None:
-        return None if array is None else np.array(array, dtype)
+        # Without a copy where the type is right: the array keeps the picture that it belongs to.
+        return None if array is None else np.asarray(array, dtype)
 
     scalar = of(image.scalar, np.float64 if view.mode in ("xray", "average") else np.float32)
     counts = of(image.counts)

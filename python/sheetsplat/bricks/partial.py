@@ -166,7 +166,9 @@ def merge(*parts: Partial) -> Partial:
     rect = first.rect
     for one in there[1:]:
         rect = _around(rect, one.rect)
-    made = _spread(first, rect)
+    # What is changed below is no part's own.
+    own = first.rect == rect
+    made = {name: array.copy() if own else array for name, array in _spread(first, rect).items()}
     for one in there[1:]:
         # Elsewhere it adds nothing.
         within = _within(one.rect, rect)
@@ -227,7 +229,7 @@ def _merge_scalars(mode: str, front: Mapping[str, Numbers], back: Partial) -> No
 
 
 def _spread(part: Partial, rect: Rect) -> dict[str, Numbers]:
-    """Return copies of the arrays of a part, over a larger rectangle."""
+    """Return the arrays of a part over a larger rectangle; its own where that is the same."""
     found: dict[str, Numbers] = {}
     here = _within(part.rect, rect)
     shape = (rect[3] - rect[1], rect[2] - rect[0])
@@ -236,7 +238,7 @@ def _spread(part: Partial, rect: Rect) -> dict[str, Numbers]:
         if own is None:
             continue
         if rect == part.rect:
-            found[name] = own.copy()
+            found[name] = own
             continue
         wide = np.full((*shape, *own.shape[2:]), np.inf, own.dtype) if name == "depth" else _zeros(own, shape)
         wide[here] = own

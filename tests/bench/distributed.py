@@ -17,12 +17,12 @@ import numpy as np
 import sheetsplat as ss
 from bench.report import Goal, Options, Report, Row, columns
 from sheetsplat import api
-from sheetsplat.bricks.cluster import covering
+from sheetsplat.bricks.cluster import covering, each
 from sheetsplat.bricks.draw import draw_brick
 from sheetsplat.bricks.lattice import LatticeSpec
 from sheetsplat.bricks.needs import field_of, may_show, planned, view_of
 from sheetsplat.bricks.partial import Partial, merge
-from sheetsplat.bricks.partition import Grouped, grouped, partition_lattice
+from sheetsplat.bricks.partition import MERGED, Grouped, grouped, partition_lattice
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.bricks.whole import Whole
 
@@ -41,6 +41,9 @@ _FILM = (3840, 2160)
 # Samples along each axis of which a coarser level has the mean.
 _FEW = 4
 _NULL_TASKS = 400
+# Views whose fastest counts, and by how much they are turned.
+_VIEWS = 3
+_TURN = 0.01
 _SPIN = 0.3
 
 
@@ -56,6 +59,12 @@ class Costs:
         Of each pixel of a part that is merged with others.
     scheduler
         Of the scheduler and the client, for each task.
+    overhead
+        Of a worker, for each task.
+    client
+        Of the client, before the first task is submitted.
+    result
+        Of the client, for the picture to reach it.
     """
 
     brick: float
@@ -63,6 +72,9 @@ class Costs:
     sample: float
     merge: float
     scheduler: float = 1e-3
+    overhead: float = 0.0
+    client: float = 0.0
+    result: float = 0.0
 
     def drawing(self, kernels: float, samples: float) -> float:
         """Return the time of a brick."""
@@ -150,7 +162,8 @@ def simulated(tasks: Sequence[Task], machine: Machine, costs: Costs) -> Run:
     active = 0
     # Events: time, order, kind, task.
     order = itertools.count()
-    events: list[tuple[float, int, str, int]] = [(0.0, next(order), "submit", number) for number in range(len(tasks))]
+    begin = costs.client
+    events: list[tuple[float, int, str, int]] = [(begin, next(order), "submit", number) for number in range(len(tasks))]
     heapq.heapify(events)
 
     def start(worker: int, now: float) -> None:
@@ -160,8 +173,10 @@ def simulated(tasks: Sequence[Task], machine: Machine, costs: Costs) -> Run:
         number = heapq.heappop(ready[worker])
         busy[worker] = True
         active += 1
-        share = max(1.0, active / machine.cores)
-        heapq.heappush(events, (now + tasks[number].seconds * share / machine.speed, next(order), "done", number))
+        # The scheduler is at work while it has messages.
+        share = max(1.0, (active + (served > now)) / machine.cores)
+        took = costs.overhead + tasks[number].seconds / machine.speed
+        heapq.heappush(events, (now + took * share, next(order), "done", number))
 
     def release(number: int, now: float) -> None:
         nonlocal moved
@@ -210,7 +225,7 @@ def simulated(tasks: Sequence[Task], machine: Machine, costs: Costs) -> Run:
         longest[number] = task.seconds / machine.speed + max((longest[one] for one in task.before), default=0.0)
     capacity = min(machine.workers, machine.cores) * machine.speed
     work = sum(task.seconds for task in tasks) / capacity
-    return Run(end, moved, work, max(longest), costs.scheduler * len(tasks))
+    return Run(end + costs.result, moved, work, max(longest), costs.scheduler * len(tasks))
 
 
 @dataclass(frozen=True)
@@ -278,17 +293,17 @@ def ball(edge: int) -> np.ndarray[Any, Any]:
     return np.asarray(np.clip(110 + 60 * np.sin(9.0 * radius) + noise, 1, 255), np.uint8)
 
 
-def _picture(data: Any, pixels: int) -> dict[str, Any]:
-    """Return options of a lit, translucent picture without a stop."""
+def _picture(data: Any, pixels: int, turn: int = 0) -> dict[str, Any]:
+    """Return options of a lit, translucent picture without a stop: of one of many views."""
     table = [(0.0, 0.2, 0.4, 0.9, 0.0), (255.0, 1.0, 0.8, 0.5, 0.02)]
-    camera = ss.Camera.fit(data, direction=(-0.5, -0.4, -1.0))
+    camera = ss.Camera.fit(data, direction=(-0.5 + _TURN * turn, -0.4, -1.0))
     return {"size": pixels, "camera": camera, "transfer_function": table, "quality": "draft", "backend": "cpu",
             "opacity_stop": 1.0}  # fmt: skip
 
 
-def _view(field: Any, pixels: int) -> tuple[BrickView, list[int]]:
+def _view(field: Any, pixels: int, turn: int = 0) -> tuple[BrickView, list[int]]:
     """Return the view of a picture of a bricked field, and the bricks that may show."""
-    made = api.prepare(field, **_picture(field, pixels))
+    made = api.prepare(field, **_picture(field, pixels, turn))
     settings = {**made.renderer.settings, "threads": 1}
     view, _ = planned(made.scene, view_of(field, made.scene, made.camera, made.size, (), None, settings))
     return view, [number for number in view.order() if may_show(field, view, number)]
@@ -305,26 +320,30 @@ def _samples(view: BrickView, number: int) -> float:
 
 
 def measured(field: Any, pixels: Sequence[int]) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:
-    """Return (1, kernels, samples) of some bricks of a field in pictures of some sizes, and their seconds of a core."""
+    """Return (1, kernels, samples) of some bricks of a field in pictures of some sizes, and their seconds of a core.
+
+    Views differ, as those of films do: kernels are sorted by tiles for each.
+    """
     facts, seconds = [], []
     renderer = ss.Renderer("cpu", threads=1)
     for size in pixels:
-        view, shown = _view(field, size)
-        for number in shown[:: max(1, len(shown) // 6)]:
-            part = field_of(field.source, view, number)
-            if (footprint := view.footprint(number)) is None:
-                continue
-            x0, y0, x1, y1 = footprint
-            in_front = np.zeros((y1 - y0, x1 - x0), np.float32)
-            draw_brick(view, number, part, renderer, in_front)
-            times = []
-            for _ in range(3):
-                began = time.process_time()
-                draw_brick(view, number, part, renderer, in_front)
-                times.append(time.process_time() - began)
-            facts.append((1.0, float(part.size), _samples(view, number)))
-            seconds.append(min(times))
+        views = [_view(field, size, turn) for turn in range(1 + _VIEWS)]
+        shown = [number for number in views[0][1] if all(number in others for _, others in views)]
+        chosen = shown[:: max(1, len(shown) // 6)]
+        # The first view also reads the bricks.
+        times = np.array([[_seconds_of_brick(field, view, number, renderer) for number in chosen] for view, _ in views])
+        for number, least in zip(chosen, times[1:].min(axis=0).tolist(), strict=True):
+            samples = float(np.mean([_samples(view, number) for view, _ in views[1:]]))
+            facts.append((1.0, float(field_of(field.source, views[0][0], number).size), samples))
+            seconds.append(least)
     return np.asarray(facts), np.asarray(seconds)
+
+
+def _seconds_of_brick(field: Any, view: BrickView, number: int, renderer: ss.Renderer) -> float:
+    """Return seconds of a core for a brick of a picture, as a task draws it."""
+    began = time.process_time()
+    draw_brick(view, number, field_of(field.source, view, number), renderer)
+    return time.process_time() - began
 
 
 def fitted(facts: Any, seconds: Any) -> tuple[float, float, float]:
@@ -379,8 +398,58 @@ def costs_of(options: Options, *, scattered: bool) -> tuple[Costs, float]:
     return Costs(brick, kernel, sample, _merge_seconds()), off
 
 
-def _nothing(number: int) -> int:
-    return number
+def _nothing(*_: Any) -> None:
+    """Take the time of a task that does nothing."""
+
+
+def _cores_used() -> float:
+    return time.process_time()
+
+
+@dataclass(frozen=True)
+class _NoSource:
+    """What tasks take that read nothing."""
+
+    token: str = "nothing"
+    name: str = "nothing"
+
+
+def costs_of_cluster(client: Any, field: Any, pixels: int, costs: Costs) -> Costs:
+    """Return costs with what the cluster itself takes, measured by tasks that do nothing and views that are not drawn.
+
+    The scheduler shares a process with the client here. What both take for a task is processor time of this process;
+    what a worker takes beside a task's own work is that of the workers.
+    """
+    task, merge = ("render-brick", _nothing), ("merge", _nothing)
+    source: Any = _NoSource()
+    count = 0
+    for turn in range(2):
+        # The first time finds out where functions are.
+        used, there = time.process_time(), sum(client.run(_cores_used).values())
+        each(client, source, None, _NULL_TASKS, task, merge)
+        count = _NULL_TASKS + math.ceil(_NULL_TASKS / (MERGED - 1))
+        scheduler = (time.process_time() - used) / count
+        overhead = (sum(client.run(_cores_used).values()) - there) / count
+        _view(field, pixels, turn)
+    planning, fetching = [], []
+    for turn in range(1, 1 + _VIEWS):
+        used = time.process_time()
+        _view(field, pixels, turn)
+        planning.append(time.process_time() - used)
+        future = client.submit(np.full, (pixels, pixels, 4), np.float32(turn), pure=False)
+        future.add_done_callback(_nothing)
+        while not future.done():
+            time.sleep(0.01)
+        used = time.process_time()
+        future.result()
+        fetching.append(time.process_time() - used)
+    return replace(
+        costs,
+        scheduler=scheduler,
+        overhead=overhead,
+        client=float(np.median(planning)),
+        result=float(np.median(fetching)),
+    )
 
 
 def _share(_: int) -> float:
@@ -409,14 +478,12 @@ def real(options: Options, costs: Costs) -> list[Row]:
             ) as made,
             connect(made) as client,
         ):
-            began = time.perf_counter()
-            client.gather([client.submit(_nothing, number, pure=False) for number in range(_NULL_TASKS)])
-            known = replace(costs, scheduler=(time.perf_counter() - began) / _NULL_TASKS)
             field = ss.open_bricks(values, brick=brick, client=client, quality="draft")
-            picture = {**_picture(field, pixels), "threads": 1}
+            known = costs_of_cluster(client, field, pixels, costs)
             times, shares = [], []
-            known_workers = sorted(client.scheduler_info(n_workers=-1)["workers"])
-            for _ in range(max(2, options.views) + 1):
+            known_workers = sorted(client.nthreads())
+            for turn in range(max(2, options.views) + 1):
+                picture = {**_picture(field, pixels, turn), "threads": 1}
                 spins = [client.submit(_share, n, pure=False, workers=[one]) for n, one in enumerate(known_workers)]
                 shares.append(sum(client.gather(spins)))
                 began = time.perf_counter()
@@ -436,6 +503,8 @@ def real(options: Options, costs: Costs) -> list[Row]:
                 "seconds": took,
                 "simulated": run.seconds,
                 "off": run.seconds / took - 1.0,
+                "client": known.client + known.result,
+                "task": 1e3 * (known.scheduler + known.overhead),
                 "read": image.stats["bricks_read"],
                 "moved": 1e-9 * run.moved,
                 "limit": run.limit,
@@ -578,7 +647,8 @@ def run(options: Options) -> Report:
         name="distributed",
         title="Pictures in bricks on clusters",
         columns=columns(
-            "row=what, bricks, cores=cores there, seconds=s, simulated=simulated s, off=off by, work=work s, "
+            "row=what, bricks, cores=cores there, seconds=s, simulated=simulated s, off=off by, client=client s, "
+            "task=ms a task, work=work s, "
             "chain=chain s, scheduler=scheduler s, moved=GB moved, memory=GB a worker, read=bricks read, limit, remark"
         ),
         rows=rows,

@@ -457,6 +457,14 @@ def test_simulated_clusters() -> None:
     assert run.chain == pytest.approx(4.0) and run.limit == "longest chain"
     busy = simulated(alone, Machine(8, speed=1e3), replace(costs, scheduler=1.0))
     assert busy.limit == "scheduler" and busy.seconds >= 8.0
+    # What the client takes before and after, and what a worker takes beside the work itself.
+    slow = replace(costs, client=3.0, result=2.0, overhead=0.5)
+    assert simulated(alone, Machine(1, speed=1.0, latency=1e-6), slow).seconds == pytest.approx(8 * 1.5 + 5.0, rel=1e-3)
+    # A core that a worker shares with the scheduler is half as fast while this has messages.
+    served = replace(costs, scheduler=1.0)
+    row = [Task(10.0, 0.0, (), 0)] + [Task(0.0, 0.0, (), 0)] * 3
+    one, two = (simulated(row, Machine(1, speed=1.0, cores=cores), served).seconds for cores in (1.0, 2.0))
+    assert one == pytest.approx(two + 10.0, rel=1e-3)
 
 
 @pytest.mark.slow

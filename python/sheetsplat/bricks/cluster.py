@@ -418,7 +418,7 @@ class _Tasks:
         return dict(zip(self._keys, self._client.get(graph, self._keys, sync=False), strict=True))
 
 
-def _each(
+def each(
     client: Any, source: Any, shared: Any, count: int, task: tuple[str, Callable[..., Any]],
     merge: tuple[str, Callable[..., Any]],
 ) -> Any:  # fmt: skip
@@ -441,20 +441,20 @@ def survey(client: Any, source: BrickSource, partition: Partition, plan: SurveyP
         What reading raises, with worker, brick and file; and where the workers cannot be used.
     """
     task, merge = ("survey-brick", survey_brick), ("merge-surveys", merge_brick_surveys)
-    found: BrickSurvey = _each(client, source, (partition, plan), len(partition), task, merge)
+    found: BrickSurvey = each(client, source, (partition, plan), len(partition), task, merge)
     return found
 
 
 def coarsen(client: Any, source: BrickSource, partition: Partition, store: LevelStore, count: int) -> None:
     """Make the levels of all bricks, each where it will be drawn; raises what `survey` does."""
     task, merge = ("coarsen-brick", coarsen_one), ("merge-levels", nothing)
-    _each(client, source, (partition, store, count), len(partition), task, merge)
+    each(client, source, (partition, store, count), len(partition), task, merge)
 
 
 def survey_kernels(client: Any, pieces: Pieces, stride: int) -> KernelSurvey:
     """Return what is known of all kernels; raises what `survey` does."""
     task, merge = ("survey-kernels", survey_piece), ("merge-surveys", merge_piece_surveys)
-    found: KernelSurvey = _each(client, pieces, (stride, pieces.name), len(pieces.counts), task, merge)
+    found: KernelSurvey = each(client, pieces, (stride, pieces.name), len(pieces.counts), task, merge)
     return found
 
 
@@ -464,7 +464,7 @@ def sort_kernels(
     """Sort all pieces into bricks; raises what `survey` does."""
     task, merge = ("sort-kernels", sort_piece), ("merge-segments", merge_segments)
     shared = (columns, partition, rows, store)
-    found: Segments = _each(client, pieces, shared, len(pieces.counts), task, merge)
+    found: Segments = each(client, pieces, shared, len(pieces.counts), task, merge)
     return found
 
 

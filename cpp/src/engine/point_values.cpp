@@ -7,6 +7,9 @@
 #include <utility>
 #include <variant>
 
+#include <glm/common.hpp>
+
+#include "reference/kernels.hpp"
 #include "reference/points.hpp"
 #include "reference/screen.hpp"
 #include "reference/sums.hpp"
@@ -20,9 +23,8 @@ constexpr std::size_t most_along = 32;
 /// Gaussians of neighbours follow from each other below this: else the first one may be nothing to float64.
 constexpr double steep_falloff = 200.0;
 
-/// Panels that a line is cut into, with two points of Gauss each, so far from their middle in halves of a panel.
-constexpr int panels = 4;
-constexpr double from_middle = 0.57735026918962576;
+/// What ranges of samples are wider than they are, in steps: their kernels decide.
+constexpr double beside = 1e-9;
 
 class LatticeValues final : public PointValues {
   public:
@@ -57,16 +59,40 @@ class LatticeValues final : public PointValues {
         }
         return std::visit([&](const auto& values) { return sum(values, layers, columns, rows); }, samples_.samples());
     }
-    /// At eight points, which finds the means of kernels as long as a quarter of the line.
+    /// Of the kernels that the box around each layer's part of the line meets.
     [[nodiscard]] reference::Sums mean_sums(const Vec3& from, const Vec3& to) const override {
+        const auto [nk, nj, ni] = samples_.shape();
+        const Vec3 start = from - origin_, way = to - from;
+        const Vec3 start_unit = start / semi_axes_, way_unit = way / semi_axes_;
         reference::Sums mean;
-        for (int panel = 0; panel < panels; ++panel) {
-            for (const double side : {-from_middle, from_middle}) {
-                const double share = (panel + 0.5 * (1.0 + side)) / panels;
-                const reference::Sums one = sums_at((1.0 - share) * from + share * to);
-                mean.d += one.d / (2.0 * panels);
-                mean.w += one.w / (2.0 * panels);
-                mean.empty = mean.empty && one.empty;
+        const Range layers = reached(std::min(start.z, start.z + way.z), std::max(start.z, start.z + way.z), 2, nk);
+        for (std::size_t k = layers.first; k < layers.last; ++k) {
+            // The part of the line, 0 to 1, that is in reach of the layer.
+            const double height = static_cast<double>(k) * step_.z - start.z;
+            double first = 0.0, last = 1.0;
+            if (way.z != 0.0) {
+                const double one = (height - semi_axes_.z) / way.z, other = (height + semi_axes_.z) / way.z;
+                first = std::max(first, std::min(one, other));
+                last = std::min(last, std::max(one, other));
+            }
+            const Vec3 end = start + first * way, other_end = start + last * way;
+            const Vec3 lower = glm::min(end, other_end), upper = glm::max(end, other_end);
+            const Vec3 shift = bcc_ && k % 2 == 1 ? 0.5 * step_ : Vec3(0.0);
+            const Range rows = reached(lower.y - shift.y, upper.y - shift.y, 1, nj),
+                        columns = reached(lower.x - shift.x, upper.x - shift.x, 0, ni);
+            for (std::size_t j = rows.first; j < rows.last; ++j) {
+                for (std::size_t i = columns.first; i < columns.last; ++i) {
+                    const double value = samples_.value(i, j, k);
+                    const Vec3 centre(static_cast<double>(i) * step_.x + shift.x,
+                                      static_cast<double>(j) * step_.y + shift.y, static_cast<double>(k) * step_.z);
+                    const reference::Chord chord =
+                        reference::mean_of(profile_, start_unit - centre / semi_axes_, way_unit);
+                    if (chord.reached && !std::isnan(value)) {
+                        mean.d += value * chord.mean;
+                        mean.w += chord.mean;
+                        mean.empty = false;
+                    }
+                }
             }
         }
         return mean;
@@ -78,6 +104,17 @@ class LatticeValues final : public PointValues {
         std::size_t first = 0, count = 0;
         std::array<double, most_along> squared, gaussian;
     };
+
+    /// The first sample along an axis and the one behind the last whose kernels meet a range of places.
+    struct Range {
+        std::size_t first = 0, last = 0;
+    };
+    [[nodiscard]] Range reached(double lower, double upper, int axis, std::size_t samples) const {
+        const double most = static_cast<double>(samples), reach = semi_axes_[axis];
+        const auto sample = [&](double place) { return std::clamp(place, 0.0, most); };
+        return {static_cast<std::size_t>(sample(std::ceil((lower - reach) / step_[axis] - beside))),
+                static_cast<std::size_t>(sample(std::floor((upper + reach) / step_[axis] + beside) + 1.0))};
+    }
 
     /// Between samples of a row, rows of a layer, and layers.
     static Vec3 step_of(const RegularField& field) {
@@ -147,6 +184,7 @@ class LatticeValues final : public PointValues {
     std::shared_ptr<const Field> field_;
     const RegularField& samples_;
     reference::Normaliser normaliser_;
+    reference::Profile profile_{samples_.kernel().falloff};
     Vec3 semi_axes_, origin_, step_;
     Vec3 ratios_{1.0}; ///< of the ratios of neighbouring Gaussians along an axis
     double edge_ = samples_.kernel().edge(), gain_ = samples_.kernel().gain();

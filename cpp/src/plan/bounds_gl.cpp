@@ -322,9 +322,10 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                       "use a smaller " + option_ref("slice_spacing") + ", " + option_ref("filter", "ewa") + " or " +
                           option_ref("backend", "reference"));
     }
-    if (weights_in_slabs(plan.sampling, facts) > widest_weights_in_slabs) {
-        refuse_sheets("means over slabs with weights of up to " + number(weight_range) + " times w0",
-                      "at most " + number(widest_weights_in_slabs / std::max(1.0, ratio)) + " times",
+    if (weights_in_slabs(plan.sampling, facts) * crowd > widest_weights_in_slabs) {
+        refuse_sheets("means over slabs with weights of up to " + number(weight_range) + " times w0, " + number(crowd) +
+                          " of them at a point",
+                      "at most " + number(widest_weights_in_slabs / (std::max(1.0, ratio) * crowd)) + " times",
                       "use a larger " + option_ref("w0") + ", leave out " + option_ref("sampling", "slab") +
                           " or use " + option_ref("backend", "cpu"));
     }

@@ -32,6 +32,20 @@ Box box_around(const EyeKernel& kernel) {
 
 } // namespace
 
+Chord mean_of(const Profile& profile, const Vec3& start, const Vec3& way) {
+    // u along the line is 0 where it is nearest to the centre.
+    const double length = glm::length(way);
+    const double u = glm::dot(start, way) / length;
+    const Vec3 nearest = start - (u / length) * way;
+    const double b_squared = glm::dot(nearest, nearest);
+    if (!(b_squared < 1.0)) {
+        return {};
+    }
+    const double half_chord = std::sqrt(1.0 - b_squared);
+    const double first = std::max(u, -half_chord), last = std::min(u + length, half_chord);
+    return first < last ? Chord{true, profile.integral(b_squared, first, last) / length} : Chord{};
+}
+
 PointSums::PointSums(const Field& field, const Scene& scene, const Camera& camera, const Screen& screen,
                      double radius_factor)
     : profile_(field.kernel().falloff), normaliser_(field, radius_factor) {
@@ -195,22 +209,11 @@ Sums PointSums::mean_sums(const Vec3& from_eye, const Vec3& to_eye) const {
     Sums sums;
     for (const std::uint32_t number : members_in(line)) {
         const EyeKernel& kernel = kernels_[number];
-        // In units of the support, about the centre; u along the line is 0 where it is nearest.
-        const Vec3 start = kernel.shape.to_unit(from_eye - kernel.centre);
-        const Vec3 way = kernel.shape.to_unit(to_eye - from_eye);
-        const double length = glm::length(way);
-        const double u = glm::dot(start, way) / length;
-        const Vec3 nearest = start - (u / length) * way;
-        const double b_squared = glm::dot(nearest, nearest);
-        if (!(b_squared < 1.0)) {
-            continue;
-        }
-        const double half_chord = std::sqrt(1.0 - b_squared);
-        const double first = std::max(u, -half_chord), last = std::min(u + length, half_chord);
-        if (first < last) {
-            const double mean = profile_.integral(b_squared, first, last) / length;
-            sums.d += kernel.value * mean;
-            sums.w += kernel.weight * mean;
+        const Chord chord =
+            mean_of(profile_, kernel.shape.to_unit(from_eye - kernel.centre), kernel.shape.to_unit(to_eye - from_eye));
+        if (chord.reached) {
+            sums.d += kernel.value * chord.mean;
+            sums.w += kernel.weight * chord.mean;
             sums.empty = false;
         }
     }

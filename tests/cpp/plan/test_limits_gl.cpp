@@ -285,11 +285,19 @@ const std::vector<Limit> of_gl{
          c.view.screen_px.smallest = 1.0;
      }},
     // Weights of 1.
-    {"weights_in_slabs", 2.97e5, 3.03e5,
+    {"weights_in_slabs", 0.99e5, 1.01e5,
      [](Case& c, double x) {
          make_unlit(c);
          c.scene.fields = {ellipsoids(1.0 / x)};
          c.scene.sampling = Sampling::slab;
+         c.view.overlap.densest = c.view.overlap.typical = 0.5;
+     }},
+    {"crowded_weights_in_slabs", 0.99e5, 1.01e5,
+     [](Case& c, double x) {
+         make_unlit(c);
+         c.scene.fields = {ellipsoids(40.0 / x)};
+         c.scene.sampling = Sampling::slab;
+         c.view.overlap.densest = 20.0;
      }},
     {"place", 3.88e-3, 3.8e-3, [](Case& c, double x) { c.view.screen_px.largest_lattice = x; }},
     {"splat_px", 0.99e12, 1.01e12, [](Case& c, double x) { c.view.screen_px.largest_lattice = x; }},

@@ -15,6 +15,10 @@
 
 namespace sheetsplat::reference {
 
+/// The mean of g over a line that begins at `start` and goes `way`, which is not 0: in units of the support, about the
+/// kernel's centre.
+Chord mean_of(const Profile& profile, const Vec3& start, const Vec3& way);
+
 /// The kernels of one field in the cells of a grid in eye space, each in all cells that its support may
 /// meet.
 class PointSums {

@@ -341,9 +341,9 @@ def measured(field: Any, pixels: Sequence[int]) -> tuple[np.ndarray[Any, Any], n
 
 def _seconds_of_brick(field: Any, view: BrickView, number: int, renderer: ss.Renderer) -> float:
     """Return seconds of a core for a brick of a picture, as a task draws it."""
-    began = time.process_time()
+    began = time.thread_time()
     draw_brick(view, number, field_of(field.source, view, number), renderer)
-    return time.process_time() - began
+    return time.thread_time() - began
 
 
 def fitted(facts: Any, seconds: Any) -> tuple[float, float, float]:
@@ -453,11 +453,11 @@ def costs_of_cluster(client: Any, field: Any, pixels: int, costs: Costs) -> Cost
 
 
 def _share(_: int) -> float:
-    """Return the share of a core that this process gets: other programs may have the rest."""
-    began, used = time.perf_counter(), time.process_time()
+    """Return the share of a core that a task gets: other programs, and the worker itself, may have the rest."""
+    began, used = time.perf_counter(), time.thread_time()
     while time.perf_counter() - began < _SPIN:
         pass
-    return (time.process_time() - used) / (time.perf_counter() - began)
+    return (time.thread_time() - used) / (time.perf_counter() - began)
 
 
 def real(options: Options, costs: Costs) -> list[Row]:

@@ -93,9 +93,10 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     // where values are alike.
     setup.from_first = std::is_same_v<T, float> && shading.gradient;
     // (W grad D - D grad W) / W^2 is next to nothing where values are alike: counted from the middle of the values, it
-    // has no more rounding errors than what is left.
+    // has no more rounding errors than what is left. Float64 has digits enough: there plateaus of 0 must stay 0, as
+    // gradients of any strength may be lit.
     const auto pivot = [&](std::size_t field) {
-        return (setup.slopes || setup.from_first) && is_divided(field)
+        return std::is_same_v<T, float> && (setup.slopes || setup.from_first) && is_divided(field)
                    ? number<T>(pivot_of(*job.scene->fields[field]) / plan.unit_of(field))
                    : T(0);
     };

@@ -20,7 +20,7 @@ constexpr double dark = 1e-4;
 } // namespace
 
 LightAtPoints::LightAtPoints(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
-                             const LightVolume* absorption, const BlocksOf& blocks,
+                             const LightVolume* absorption, const BlocksOf& blocks, const ClearOf& clear,
                              std::vector<std::shared_ptr<const PointValues>> values)
     : scene_(request.scene), camera_(request.camera), frame_(prepared.frame), plan_(prepared.plan), volumes_(volumes),
       values_(std::move(values)), surfaces_(!volumes.groups.empty()), groups_(scene_.groups()),
@@ -42,7 +42,7 @@ LightAtPoints::LightAtPoints(const Request& request, const Prepared& prepared, c
         }
     } else if (absorption != nullptr && shows_matter(scene_, plan_, *absorption)) {
         absorption_ = absorption;
-        absorbing_ = &blocks(*absorption);
+        clear_ = &clear();
     }
     if (scene_.ambient_occlusion) {
         occlusion_steps_ = occlusion_steps(*scene_.ambient_occlusion, frame_.slice_spacing);
@@ -78,9 +78,12 @@ bool LightAtPoints::on_one_side(const Vec3& front, const Vec3& back) const {
     return true;
 }
 
-bool LightAtPoints::clear_at(const Vec3& world) const {
-    return absorbing_ != nullptr &&
-           !(absorbing_->ranges()[absorbing_->at(absorption_->place_of(world))].greatest > 0.0F);
+LightAtPoints::ClearLine LightAtPoints::clear_line(const Vec3& start, const Vec3& along) const {
+    if (clear_ == nullptr) {
+        return {};
+    }
+    const Vec3 first = absorption_->place_of(start);
+    return {first, absorption_->place_of(start + along) - first};
 }
 
 PointValues::Value LightAtPoints::side_of(std::size_t group, const Vec3& world) const {
@@ -181,17 +184,22 @@ double LightAtPoints::left_along(const Vec3& world, const Vec3& direction, doubl
         }
     }
     const double last = std::min(steps, std::floor(end / frame_.slice_spacing) + 1.0);
+    const Vec3 step = frame_.slice_spacing * direction;
+    const ClearLine line = clear_line(world, step);
     double left = 1.0;
-    for (double step = 1.0; step <= last && left > dark; step += 1.0) {
-        const Vec3 point = world + step * frame_.slice_spacing * direction;
-        if (clear_at(point) || !clip_keeps(point)) {
+    for (double number = 1.0; number <= last && left > dark; number += 1.0) {
+        if (clear_at(line, number)) {
+            continue;
+        }
+        const Vec3 point = world + number * step;
+        if (!clip_keeps(point)) {
             continue;
         }
         for (std::size_t group = 0; group < groups_.size(); ++group) {
             const PointValues::Value value = value_at(group, point);
             if (!value.empty) {
                 const double opacity = reference::look_up(*groups_[group].transfer_function, value.rho).opacity;
-                left *= 1.0 - reference::opacity_over(opacity, lengths_);
+                left *= opacity > 0.0 ? 1.0 - reference::opacity_over(opacity, lengths_) : 1.0;
             }
         }
     }

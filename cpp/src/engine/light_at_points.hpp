@@ -19,15 +19,17 @@
 
 namespace sheetsplat {
 
-/// The blocks of one of a picture's volumes.
+/// The blocks of one of a picture's volumes of rho.
 using BlocksOf = std::function<const LightBlocks&(const LightVolume&)>;
+/// The clear cells of what a picture's volumes were made from.
+using ClearOf = std::function<const ClearCells&()>;
 
 /// Of one picture, whose scene, camera, plan and volumes must stay while it is used. Points are in world units.
 class LightAtPoints {
   public:
     /// absorption: what the volumes were made from; null where it is not there any more. values: of each field.
     LightAtPoints(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
-                  const LightVolume* absorption, const BlocksOf& blocks,
+                  const LightVolume* absorption, const BlocksOf& blocks, const ClearOf& clear,
                   std::vector<std::shared_ptr<const PointValues>> values);
 
     /// Whether light is followed along lines, from surfaces.
@@ -49,8 +51,15 @@ class LightAtPoints {
     [[nodiscard]] double absorbed_below(double rho) const;
     /// Whether two points lie in blocks on the same side of all surfaces.
     [[nodiscard]] bool on_one_side(const Vec3& front, const Vec3& back) const;
-    /// Whether a point lies where the grid of absorption shows nothing around.
-    [[nodiscard]] bool clear_at(const Vec3& world) const;
+    /// A line in the grid of absorption: point t lies at start + t along.
+    struct ClearLine {
+        Vec3 start{0.0}, along{0.0};
+    };
+    [[nodiscard]] ClearLine clear_line(const Vec3& start, const Vec3& along) const;
+    /// Whether the grid of absorption shows nothing around point t of a line.
+    [[nodiscard]] bool clear_at(const ClearLine& line, double t) const {
+        return clear_ != nullptr && clear_->at(line.start + t * line.along);
+    }
     [[nodiscard]] bool clip_keeps(const Vec3& world) const;
 
     /// By how much more of a light the picture shows than there is.
@@ -90,7 +99,7 @@ class LightAtPoints {
     bool resolved_ = false;                   ///< the grid of rho shows every kernel
     std::vector<Sides> sides_;                ///< of each group, mode isosurface
     const LightVolume* absorption_ = nullptr; ///< null: not used
-    const LightBlocks* absorbing_ = nullptr;
+    const ClearCells* clear_ = nullptr;
     double occlusion_steps_ = 0.0;
 };
 

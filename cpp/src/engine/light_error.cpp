@@ -98,15 +98,16 @@ class View {
         const bool between = uses_intervals(scene_.mode, scene_.preintegration);
         double alpha = 0.0;
         std::vector<Spot> spots;
+        const LightAtPoints::ClearLine line = light_.clear_line(ray.start, ray.along);
         for (std::int64_t n = ray.first - (between ? 1 : 0); n <= ray.last && alpha < scene_.opacity_stop; ++n) {
             // Of the slice, or the interval behind it.
-            const Vec3 front = ray.point(frame_.depth_of(n) - half_slab_);
-            const Vec3 back = ray.point(frame_.depth_of(between ? n + 1 : n) + half_slab_);
+            const double front = frame_.depth_of(n) - half_slab_;
+            const double back = frame_.depth_of(between ? n + 1 : n) + half_slab_;
             if (light_.surfaces()) {
-                if (!light_.on_one_side(front, back)) {
+                if (!light_.on_one_side(ray.point(front), ray.point(back))) {
                     add_crossings(ray, n, values, alpha, spots);
                 }
-            } else if (!light_.clear_at(front) || !light_.clear_at(back)) {
+            } else if (!light_.clear_at(line, front) || (front < back && !light_.clear_at(line, back))) {
                 add_slice(ray, n, values, alpha, spots);
             }
         }
@@ -450,8 +451,8 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
     }
     known_ = std::move(known);
 
-    const BlocksOf blocks = [this, &volumes, &absorption](const LightVolume& volume) -> const LightBlocks& {
-        std::shared_ptr<const LightVolume> owner = absorption;
+    const BlocksOf blocks = [this, &volumes](const LightVolume& volume) -> const LightBlocks& {
+        std::shared_ptr<const LightVolume> owner;
         for (const auto& group : volumes.groups) {
             owner = group.get() == &volume ? group : owner;
         }
@@ -466,7 +467,13 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
         blocks_.emplace_back(owner, std::make_unique<const LightBlocks>(volume));
         return *blocks_.back().second;
     };
-    const LightAtPoints light(request, prepared, volumes, absorption.get(), blocks, std::move(values));
+    const ClearOf clear = [this, &absorption]() -> const ClearCells& {
+        if (clear_.first.lock() != absorption) {
+            clear_ = {absorption, std::make_unique<const ClearCells>(*absorption)};
+        }
+        return *clear_.second;
+    };
+    const LightAtPoints light(request, prepared, volumes, absorption.get(), blocks, clear, std::move(values));
     const Size size = request.size;
     const std::size_t pixels = static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height);
     const bool surfaces = request.scene.mode == Mode::isosurface;

@@ -39,6 +39,7 @@ class LightErrorProbe {
     std::vector<Known> known_; ///< of the fields of the last scene, unfiltered
     /// Of volumes that still exist.
     std::vector<std::pair<std::weak_ptr<const LightVolume>, std::unique_ptr<const LightBlocks>>> blocks_;
+    std::pair<std::weak_ptr<const LightVolume>, std::unique_ptr<const ClearCells>> clear_;
 };
 
 /// Puts measured errors in the place of the plan's estimates.

@@ -47,12 +47,6 @@ class LightThreads {
 
 WhereLight where(const LightGrid& grid) { return grid.shows_matter ? WhereLight::near_matter : WhereLight::everywhere; }
 
-LightVolume light_towards(const Vec3& light, const LightPlan& plan, const LightVolume& absorption,
-                          LightThreads& threads, const std::function<void()>& poll) {
-    return transmittance(absorption, light, plan.slice_spacing, where(plan.grids[plan.light_grid]), threads.pool(),
-                         poll);
-}
-
 LightVolume open_around(const LightPlan& plan, std::shared_ptr<const LightVolume> absorption, LightThreads& threads,
                         const std::function<void()>& poll) {
     // (What is halved spreads.)
@@ -63,8 +57,8 @@ LightVolume open_around(const LightPlan& plan, std::shared_ptr<const LightVolume
         absorption = std::make_shared<const LightVolume>(halved(*absorption));
     }
     const std::array<Vec3, directions_around> around = around_world();
-    return openness(*absorption, {around.begin(), around.end()}, plan.radius, plan.slice_spacing,
-                    where(plan.grids[plan.open_grid]), threads.pool(), poll);
+    return openness(FollowedGrid(*absorption, where(plan.grids[plan.open_grid])), {around.begin(), around.end()},
+                    plan.radius, plan.slice_spacing, threads.pool(), poll);
 }
 
 [[noreturn]] void out_of_memory() {
@@ -90,9 +84,12 @@ LightVolumes light_volumes_of(const LightPlan& light, std::vector<LightVolume> g
             volumes.groups = std::move(filled);
             return volumes;
         }
-        for (const Vec3& towards : light.lights) {
-            volumes.lights.push_back(std::make_shared<const LightVolume>(
-                light_towards(towards, light, *filled[light.light_grid], own, poll)));
+        if (!light.lights.empty()) {
+            const FollowedGrid grid(*filled[light.light_grid], where(light.grids[light.light_grid]));
+            for (const Vec3& towards : light.lights) {
+                volumes.lights.push_back(std::make_shared<const LightVolume>(
+                    transmittance(grid, towards, light.slice_spacing, own.pool(), poll)));
+            }
         }
         if (light.radius > 0.0) {
             volumes.openness =
@@ -205,8 +202,14 @@ LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepar
                 wanted.step = light.grids[light.light_grid].wanted;
                 wanted.turns = scene.lights[number].space == LightSpace::eye;
                 volumes.lights.push_back(find(wanted, used, [&] {
-                    const auto grid = absorbed(light.grids[light.light_grid]);
-                    return light_towards(wanted.direction, light, *grid, threads, poll);
+                    const LightGrid& grid = light.grids[light.light_grid];
+                    absorbed(grid);
+                    // (It was put first.)
+                    std::shared_ptr<const FollowedGrid>& followed = entries_.front().followed;
+                    if (!followed || followed->where() != where(grid)) {
+                        followed = std::make_shared<const FollowedGrid>(*entries_.front().volume, where(grid));
+                    }
+                    return transmittance(*followed, wanted.direction, light.slice_spacing, threads.pool(), poll);
                 }));
             }
             if (light.radius > 0.0) {

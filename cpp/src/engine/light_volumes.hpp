@@ -11,6 +11,7 @@
 
 #include "light_grids.hpp"
 #include "sheetsplat/light_volume.hpp"
+#include "view/light_march.hpp"
 
 namespace sheetsplat {
 
@@ -58,6 +59,7 @@ class LightVolumeCache {
         double radius = 0.0;   ///< of openness, in slice distances
         bool turns = false;    ///< with the camera
         std::shared_ptr<const LightVolume> volume = nullptr;
+        std::shared_ptr<const FollowedGrid> followed = nullptr; ///< of absorption, once a light was followed through it
     };
 
     /// Puts the entry first that is as `wanted`, or a new one with the volume make(), and counts it. What make() finds

@@ -141,15 +141,13 @@ class LatticeValues final : public PointValues {
                 const double gaussian = layers.gaussian[z] * rows[shifted].gaussian[y];
                 const auto* samples = values.data() + (k * nj + rows[shifted].first + y) * ni + row.first;
                 for (std::size_t x = 0; x < row.count; ++x) {
-                    if (row.squared[x] < left) {
-                        const auto value = static_cast<double>(samples[x]);
-                        if (!holes || !std::isnan(value)) {
-                            const double g = gaussian * row.gaussian[x] - edge;
-                            d += value * g;
-                            w += g;
-                            empty = false;
-                        }
-                    }
+                    const auto value = static_cast<double>(samples[x]);
+                    const bool reached = row.squared[x] < left && !(holes && std::isnan(value));
+                    // (Chosen without a branch, which would be guessed wrong at every other end of a row.)
+                    const double g = reached ? gaussian * row.gaussian[x] - edge : 0.0;
+                    d += (reached ? value : 0.0) * g;
+                    w += g;
+                    empty = empty && !reached;
                 }
             }
         }
@@ -157,22 +155,22 @@ class LatticeValues final : public PointValues {
     }
 
     [[nodiscard]] Along along(double from, int axis, std::size_t samples) const {
-        const double middle = from / step_[axis], reach = semi_axes_[axis] / step_[axis];
-        const double most = static_cast<double>(samples);
+        const double step = step_[axis], per_axis = per_axis_[axis], reach = semi_axes_[axis] / step;
+        const double middle = from / step, most = static_cast<double>(samples);
         Along found;
         found.first = static_cast<std::size_t>(std::clamp(std::ceil(middle - reach), 0.0, most));
         const auto past = static_cast<std::size_t>(std::clamp(std::floor(middle + reach) + 1.0, 0.0, most));
         found.count = std::min(past > found.first ? past - found.first : 0, most_along);
         // Each Gaussian from the one before: the ratios of neighbours have one ratio.
-        const double falloff = samples_.kernel().falloff, apart = -1.0 / reach;
-        const double start = (from - static_cast<double>(found.first) * step_[axis]) / semi_axes_[axis];
+        const double falloff = samples_.kernel().falloff, apart = -step * per_axis;
+        const double start = (from - static_cast<double>(found.first) * step) * per_axis;
         double gaussian = 0.0, ratio = 0.0;
         if (found.count > 0) {
             gaussian = std::exp(-falloff * start * start);
             ratio = std::exp(-falloff * apart * (2.0 * start + apart));
         }
         for (std::size_t n = 0; n < found.count; ++n) {
-            const double offset = (from - static_cast<double>(found.first + n) * step_[axis]) / semi_axes_[axis];
+            const double offset = (from - static_cast<double>(found.first + n) * step) * per_axis;
             found.squared[n] = offset * offset;
             found.gaussian[n] = falloff < steep_falloff ? gaussian : std::exp(-falloff * found.squared[n]);
             gaussian *= ratio;
@@ -185,7 +183,7 @@ class LatticeValues final : public PointValues {
     const RegularField& samples_;
     reference::Normaliser normaliser_;
     reference::Profile profile_{samples_.kernel().falloff};
-    Vec3 semi_axes_, origin_, step_;
+    Vec3 semi_axes_, per_axis_{1.0 / semi_axes_}, origin_, step_;
     Vec3 ratios_{1.0}; ///< of the ratios of neighbouring Gaussians along an axis
     double edge_ = samples_.kernel().edge(), gain_ = samples_.kernel().gain();
     bool bcc_;

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <optional>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -559,34 +559,43 @@ LightVolume halved(const LightVolume& volume) {
     return half;
 }
 
-LightVolume transmittance(const LightVolume& absorption, const Vec3& towards_light, double slice_spacing,
-                          WhereLight where, ThreadPool& pool, const std::function<void()>& poll) {
+FollowedGrid::FollowedGrid(const LightVolume& absorption, WhereLight where) : absorption_(absorption), where_(where) {}
+
+FollowedGrid::~FollowedGrid() = default;
+
+const Stretches& FollowedGrid::stretches(std::size_t along) const {
+    std::unique_ptr<const Stretches>& own = stretches_[along];
+    if (!own) {
+        own = std::make_unique<const Stretches>(absorption_, along, where_ == WhereLight::everywhere);
+    }
+    return *own;
+}
+
+LightVolume transmittance(const FollowedGrid& grid, const Vec3& towards_light, double slice_spacing, ThreadPool& pool,
+                          const std::function<void()>& poll) {
     const Loops loops = chosen_loops();
-    const bool all = where == WhereLight::everywhere;
+    const LightVolume& absorption = grid.absorption();
     const Rays rays(absorption, towards_light, slice_spacing);
-    const Stretches near(absorption, rays.along(), all);
+    const Stretches& near = grid.stretches(rays.along());
     LightVolume left = of_ones(absorption);
     pool.run(
         rays.bands(), [&](std::size_t number, int) { loops.follow(absorption, rays, near, number, left); }, poll);
-    sharpen(left, rays.along() == 2 ? near : Stretches(absorption, 2, all), loops, pool, poll);
+    sharpen(left, grid.stretches(2), loops, pool, poll);
     return left;
 }
 
-LightVolume openness(const LightVolume& absorption, const std::vector<Vec3>& directions, double steps,
-                     double slice_spacing, WhereLight where, ThreadPool& pool, const std::function<void()>& poll) {
+LightVolume openness(const FollowedGrid& grid, const std::vector<Vec3>& directions, double steps, double slice_spacing,
+                     ThreadPool& pool, const std::function<void()>& poll) {
     const Loops loops = chosen_loops();
+    const LightVolume& absorption = grid.absorption();
     LightVolume open = of_ones(absorption);
     const float share = 1.0F / static_cast<float>(directions.size());
-    std::array<std::optional<const Stretches>, 3> near;
     for (const Vec3& direction : directions) {
         const Rays rays(absorption, direction, slice_spacing);
-        std::optional<const Stretches>& own = near[rays.along()];
-        if (!own) {
-            own.emplace(absorption, rays.along(), where == WhereLight::everywhere);
-        }
+        const Stretches& near = grid.stretches(rays.along());
         pool.run(
             rays.bands(),
-            [&](std::size_t number, int) { loops.look_around(absorption, rays, *own, number, steps, share, open); },
+            [&](std::size_t number, int) { loops.look_around(absorption, rays, near, number, steps, share, open); },
             poll);
     }
     return open;

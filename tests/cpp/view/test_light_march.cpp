@@ -91,15 +91,21 @@ TEST(LightMarch, TransmittanceIsThatOfSumsAlongLines) {
     const std::vector<Vec3> directions = some_directions();
     for (std::size_t n = 0; n < directions.size(); ++n) {
         const auto exact = [&](const Vec3& x) { return left_along(x, directions[n], 80.0); };
-        EXPECT_LT(rmse(transmittance(fine, directions[n], spacing, everywhere, pool, {}), exact), 4e-3) << n;
-        EXPECT_LT(rmse(transmittance(coarse, directions[n], spacing, everywhere, pool, {}), exact), 1.2e-2) << n;
+        EXPECT_LT(rmse(transmittance(FollowedGrid(fine, everywhere), directions[n], spacing, pool, {}), exact), 4e-3)
+            << n;
+        EXPECT_LT(rmse(transmittance(FollowedGrid(coarse, everywhere), directions[n], spacing, pool, {}), exact),
+                  1.2e-2)
+            << n;
         // Of another direction, or of points that begin a slice distance farther, it is not.
         const auto other = [&](const Vec3& x) { return left_along(x, directions[(n + 2) % directions.size()], 80.0); };
-        EXPECT_GT(rmse(transmittance(fine, directions[n], spacing, everywhere, pool, {}), other), 5e-2) << n;
+        EXPECT_GT(rmse(transmittance(FollowedGrid(fine, everywhere), directions[n], spacing, pool, {}), other), 5e-2)
+            << n;
         const auto farther = [&](const Vec3& x) {
             return left_along(x + spacing * directions[n], directions[n], 80.0);
         };
-        EXPECT_GT(rmse(transmittance(fine, directions[n], spacing, everywhere, pool, {}), farther), 1.5e-2) << n;
+        EXPECT_GT(rmse(transmittance(FollowedGrid(fine, everywhere), directions[n], spacing, pool, {}), farther),
+                  1.5e-2)
+            << n;
     }
 }
 
@@ -115,9 +121,14 @@ TEST(LightMarch, OpennessIsTheMeanOverShortLines) {
             return sum / static_cast<double>(directions.size());
         };
         const LightVolume fine = grid(spacing, spacing);
-        EXPECT_LT(rmse(openness(fine, directions, steps, spacing, everywhere, pool, {}), exact), 5e-3) << steps;
-        EXPECT_LT(rmse(openness(halved(fine), directions, steps, spacing, everywhere, pool, {}), exact), 2e-2) << steps;
-        EXPECT_GT(rmse(openness(fine, directions, steps + 2.0, spacing, everywhere, pool, {}), exact), 1e-2) << steps;
+        EXPECT_LT(rmse(openness(FollowedGrid(fine, everywhere), directions, steps, spacing, pool, {}), exact), 5e-3)
+            << steps;
+        EXPECT_LT(rmse(openness(FollowedGrid(halved(fine), everywhere), directions, steps, spacing, pool, {}), exact),
+                  2e-2)
+            << steps;
+        EXPECT_GT(rmse(openness(FollowedGrid(fine, everywhere), directions, steps + 2.0, spacing, pool, {}), exact),
+                  1e-2)
+            << steps;
     }
 }
 
@@ -125,10 +136,10 @@ TEST(LightMarch, NothingDependsOnThreads) {
     ThreadPool one(1), three(3);
     const LightVolume volume = grid(spacing, spacing);
     const Vec3 direction = glm::normalize(Vec3(0.5, -0.7, 0.6));
-    EXPECT_EQ(transmittance(volume, direction, spacing, everywhere, one, {}).values,
-              transmittance(volume, direction, spacing, everywhere, three, {}).values);
-    EXPECT_EQ(openness(volume, {direction, -direction}, 5.0, spacing, everywhere, one, {}).values,
-              openness(volume, {direction, -direction}, 5.0, spacing, everywhere, three, {}).values);
+    EXPECT_EQ(transmittance(FollowedGrid(volume, everywhere), direction, spacing, one, {}).values,
+              transmittance(FollowedGrid(volume, everywhere), direction, spacing, three, {}).values);
+    EXPECT_EQ(openness(FollowedGrid(volume, everywhere), {direction, -direction}, 5.0, spacing, one, {}).values,
+              openness(FollowedGrid(volume, everywhere), {direction, -direction}, 5.0, spacing, three, {}).values);
 }
 
 /// Whether an element or one beside it absorbs.
@@ -184,9 +195,11 @@ TEST(LightMarch, NearMatterLightIsWhatItIsEverywhere) {
         const std::vector<Vec3> directions = some_directions();
         for (std::size_t number = 0; number < directions.size(); number += 3) {
             const Vec3& direction = directions[number];
-            const auto light = [&](WhereLight where) { return transmittance(volume, direction, 1.0, where, pool, {}); };
+            const auto light = [&](WhereLight where) {
+                return transmittance(FollowedGrid(volume, where), direction, 1.0, pool, {});
+            };
             const auto open = [&](WhereLight where) {
-                return openness(volume, {direction}, 3.0, 1.0, where, pool, {});
+                return openness(FollowedGrid(volume, where), {direction}, 3.0, 1.0, pool, {});
             };
             const LightVolume all = light(everywhere), some = light(WhereLight::near_matter);
             const LightVolume all_open = open(everywhere), some_open = open(WhereLight::near_matter);
@@ -211,7 +224,7 @@ TEST(LightMarch, OpaqueMatterLeavesNothingAndEmptySpaceAll) {
     ThreadPool pool(1);
     LightVolume volume = grid(spacing, spacing);
     std::fill(volume.values.begin(), volume.values.end(), 0.0F);
-    for (const float left : transmittance(volume, Vec3(0, 0, 1), spacing, everywhere, pool, {}).values) {
+    for (const float left : transmittance(FollowedGrid(volume, everywhere), Vec3(0, 0, 1), spacing, pool, {}).values) {
         ASSERT_EQ(left, 1.0F);
     }
     // A wall across x.
@@ -220,16 +233,16 @@ TEST(LightMarch, OpaqueMatterLeavesNothingAndEmptySpaceAll) {
             volume.values[volume.index(20, v, w)] = volume.values[volume.index(21, v, w)] = 20.0F;
         }
     }
-    const LightVolume left = transmittance(volume, Vec3(1, 0, 0), spacing, everywhere, pool, {});
+    const LightVolume left = transmittance(FollowedGrid(volume, everywhere), Vec3(1, 0, 0), spacing, pool, {});
     EXPECT_LT(left.values[left.index(15, 20, 20)], 1e-6F);
     EXPECT_GT(left.values[left.index(26, 20, 20)], 1.0F - 1e-6F);
     const std::vector<float> fewest(1, 3.0F);
     const LightVolume single{Vec3(0.0), {Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1)}, {1, 1, 1}, fewest};
     for (const Vec3& direction : some_directions()) {
-        const float alone = transmittance(single, direction, 1.0, everywhere, pool, {}).values.front();
+        const float alone = transmittance(FollowedGrid(single, everywhere), direction, 1.0, pool, {}).values.front();
         EXPECT_GE(alone, 0.0F);
         EXPECT_LE(alone, 1.0F);
-        EXPECT_GT(openness(single, {direction}, 3.0, 1.0, everywhere, pool, {}).values.front(), 0.0F);
+        EXPECT_GT(openness(FollowedGrid(single, everywhere), {direction}, 3.0, 1.0, pool, {}).values.front(), 0.0F);
     }
 }
 
@@ -252,6 +265,42 @@ TEST(LightBlocks, HoldWhatLookUpsFind) {
             narrowest = std::min(narrowest, static_cast<double>(range.greatest - range.least));
         }
         EXPECT_LT(narrowest, 2.0);
+    }
+}
+
+TEST(ClearCells, HaveNothingInTheCellsAroundThem) {
+    for (const std::array<int, 3>& counts : std::vector<std::array<int, 3>>{{141, 9, 5}, {1, 2, 8}, {64, 17, 1}}) {
+        LightVolume volume{Vec3(0.0), {Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1)}, counts, {}};
+        std::mt19937 random(12);
+        std::bernoulli_distribution absorbs(0.01);
+        volume.values.resize(volume.index(0, 0, counts[2]));
+        std::generate(volume.values.begin(), volume.values.end(), [&] { return absorbs(random) ? 0.5F : 0.0F; });
+        volume.values[volume.values.size() / 2] = 0.5F;
+        const ClearCells cells(volume);
+        std::uniform_real_distribution<double> place(-0.2, 1.2);
+        int clear = 0;
+        for (int n = 0; n < 5000; ++n) {
+            const Vec3 at(place(random) * counts[0], place(random) * counts[1], place(random) * counts[2]);
+            std::array<int, 3> first{}, last{};
+            for (std::size_t axis = 0; axis < 3; ++axis) {
+                const int most = counts[axis] - 1;
+                const int cell = std::clamp(static_cast<int>(at[static_cast<int>(axis)]), 0, std::max(most - 1, 0));
+                first[axis] = std::max(cell - 1, 0);
+                last[axis] = std::min(cell + 2, most);
+            }
+            bool any = false;
+            for (int w = first[2]; w <= last[2]; ++w) {
+                for (int v = first[1]; v <= last[1]; ++v) {
+                    for (int u = first[0]; u <= last[0]; ++u) {
+                        any = any || volume.values[volume.index(u, v, w)] > 0.0F;
+                    }
+                }
+            }
+            EXPECT_EQ(cells.at(at), !any) << at.x << " " << at.y << " " << at.z;
+            clear += any ? 0 : 1;
+        }
+        EXPECT_GT(clear, 500);
+        EXPECT_LT(clear, 5000);
     }
 }
 

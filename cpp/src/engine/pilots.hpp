@@ -25,6 +25,8 @@ class Renderer::State::Pilots : public Judge {
     double seconds(const Settings& settings) override;
     Floor floor() override;
 
+    /// The error expected of light looked up in volumes, which pilots share with what they are compared with.
+    double of_model(const Settings& settings);
     /// Root mean square difference between the renderer's precision and float64; 0 where float64 is not available.
     double arithmetic();
     /// Times pilots, where no picture was timed yet.
@@ -35,8 +37,6 @@ class Renderer::State::Pilots : public Judge {
     [[nodiscard]] bool of_excerpts() const { return excerpt_.has_value(); }
 
   private:
-    /// The error expected of light looked up in volumes, which pilots share with what they are compared with.
-    double of_model(const Settings& settings);
     /// Root mean square difference of two pilots; of excerpts, with their standard error on top.
     [[nodiscard]] double distance(const Image& picture, const Image& reference) const;
     /// exact: in float64.

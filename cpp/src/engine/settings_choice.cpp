@@ -116,9 +116,17 @@ RendererOptions Chosen::options(const RendererOptions& options) const {
     return chosen;
 }
 
-Effect Chosen::plan_row(const RendererOptions& options) const {
+Choice Chosen::choice_for(const std::vector<ErrorShare>& budget, const RendererOptions& options) const {
+    Choice drawn = choice;
+    const double others = std::sqrt(std::max(0.0, choice.error * choice.error - of_light * of_light));
+    drawn.error = std::hypot(others, model_error(budget));
+    drawn.error_kept = choice.error_kept && (!options.max_error || drawn.error <= *options.max_error);
+    return drawn;
+}
+
+Effect Chosen::plan_row(const Choice& chosen, const RendererOptions& options) const {
     const bool error = options.max_error.has_value(), seconds = options.max_seconds.has_value();
-    const Settings& settings = choice.settings;
+    const Settings& settings = chosen.settings;
     Effect row;
     row.name = error && seconds ? "settings for max_error and max_seconds"
                : error          ? "settings for max_error"
@@ -130,18 +138,18 @@ Effect Chosen::plan_row(const RendererOptions& options) const {
     if (settings.precision == Precision::float64) {
         reason += ", float64";
     }
-    reason += ": expected are an error of " + text_of(choice.error, 3) + " from the converged picture and " +
-              text_of(choice.seconds, 3) + " s";
+    reason += ": expected are an error of " + text_of(chosen.error, 3) + " from the converged picture and " +
+              text_of(chosen.seconds, 3) + " s";
     std::string looked;
-    for (const std::string& kind : choice.looked_at) {
+    for (const std::string& kind : chosen.looked_at) {
         looked += (looked.empty() ? "" : ", ") + kind;
     }
     if (error) {
-        reason += choice.error_kept ? "; max_error = " + text_of(*options.max_error, 3) + " is kept"
+        reason += chosen.error_kept ? "; max_error = " + text_of(*options.max_error, 3) + " is kept"
                                     : "; max_error = " + text_of(*options.max_error, 3) + " is not kept";
     }
     if (seconds) {
-        reason += choice.seconds_kept ? "; max_seconds = " + text_of(*options.max_seconds, 3) + " is kept"
+        reason += chosen.seconds_kept ? "; max_seconds = " + text_of(*options.max_seconds, 3) + " is kept"
                                       : "; max_seconds = " + text_of(*options.max_seconds, 3) +
                                             " is not kept: nothing that was looked at is faster";
     }
@@ -161,7 +169,7 @@ void Chosen::describe(RenderPlan& plan, const RendererOptions& options) const {
     say_chosen(EffectId::preintegration, settings.preintegration && !scene.preintegration);
     say_chosen(EffectId::second_order, settings.second_order && !scene.second_order);
     say_chosen(EffectId::slab_sampling, settings.sampling == Sampling::slab && scene.sampling != Sampling::slab);
-    plan.effects.push_back(plan_row(options));
+    plan.effects.push_back(plan_row(choice_for(plan.error_budget, options), options));
 }
 
 const Chosen* Renderer::State::choose(const Request& request) {
@@ -215,6 +223,7 @@ const Chosen* Renderer::State::choose(const Request& request) {
         }
         choice.seconds_kept = !options_.max_seconds || choice.seconds <= *options_.max_seconds;
     }
+    made->of_light = pilots.of_model(made->choice.settings);
     made->backend = pilots.backend();
     chosen_ = std::move(made);
     return chosen_.get();
@@ -252,12 +261,13 @@ Image Renderer::State::render_chosen(const Request& request) {
     RenderPlan plan = *image.plan;
     image.stats["light_measured"] = measure_light(drawn, plan) ? 1.0 : 0.0;
     chosen->describe(plan, options_);
+    const Choice choice = chosen->choice_for(plan.error_budget, options_);
     image.plan = std::make_shared<const RenderPlan>(std::move(plan));
-    image.settings = chosen->choice.settings;
-    image.stats["estimated_rmse"] = chosen->choice.error;
-    image.stats["expected_seconds"] = chosen->choice.seconds;
-    image.stats["max_error_kept"] = chosen->choice.error_kept ? 1.0 : 0.0;
-    image.stats["max_seconds_kept"] = chosen->choice.seconds_kept ? 1.0 : 0.0;
+    image.settings = choice.settings;
+    image.stats["estimated_rmse"] = choice.error;
+    image.stats["expected_seconds"] = choice.seconds;
+    image.stats["max_error_kept"] = choice.error_kept ? 1.0 : 0.0;
+    image.stats["max_seconds_kept"] = choice.seconds_kept ? 1.0 : 0.0;
     return image;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "settings_search.hpp"
 #include "sheetsplat/camera.hpp"
@@ -20,7 +21,8 @@ struct Chosen {
     Size size{};
     double pace = 1.0; ///< that times were expected with
     Choice choice{};
-    bool refined = false; ///< refined after a check through other pixels
+    double of_light = 0.0; ///< what the choice's error has from light in volumes
+    bool refined = false;  ///< refined after a check through other pixels
     Backend backend = Backend::cpu;
 
     /// True where a view has the same scene and size, and differs by less than an eighth of its height, its width and
@@ -30,8 +32,10 @@ struct Chosen {
     /// A scene that is served, and the caller's options, with what was chosen.
     [[nodiscard]] Scene scene_to_draw(const Scene& asked) const;
     [[nodiscard]] RendererOptions options(const RendererOptions& options) const;
+    /// The choice for a picture whose errors of light the budget has, as measured in the picture.
+    [[nodiscard]] Choice choice_for(const std::vector<ErrorShare>& budget, const RendererOptions& options) const;
     /// The row of the plan.
-    [[nodiscard]] Effect plan_row(const RendererOptions& options) const;
+    [[nodiscard]] Effect plan_row(const Choice& chosen, const RendererOptions& options) const;
     /// Adds that row, and the reason to each effect that was chosen. Errors of the plan's effects are distances from
     /// the float64 reference at the same slices; the row has none, its sentence names the distance that was chosen for.
     void describe(RenderPlan& plan, const RendererOptions& options) const;

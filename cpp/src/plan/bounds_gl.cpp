@@ -67,6 +67,13 @@ double noise_of_derivatives(const ViewFacts& view, const SumFacts& sums, double 
     return ratio * std::sqrt(crowd) * std::max(1.0, view.frame.reference_length / axis);
 }
 
+/// The range that scenes of this steepness and magnification are held to.
+double limit_of(const WeightRange& range, const ViewFacts& view, const SumFacts& facts) {
+    const bool gentle =
+        facts.steepness <= gentle_steepness && view.frame.reference_length <= gentle_pixels * view.frame.smallest_pixel;
+    return gentle ? range.gentle : range.steep;
+}
+
 /// What float32 loses of gradients of quotients that are near their kernels' ends, or far magnified. ratio: of values
 /// over what is resolved.
 void check_quotients(const ViewFacts& view, const DrawPlan& plan, const SumFacts& facts, double ratio) {
@@ -74,10 +81,7 @@ void check_quotients(const ViewFacts& view, const DrawPlan& plan, const SumFacts
         return;
     }
     const double ell = view.frame.reference_length;
-    const bool gentle = facts.steepness <= gentle_steepness && ell <= gentle_pixels * view.frame.smallest_pixel;
-    const auto most_of = [&](const WeightRange& range) {
-        return (gentle ? range.gentle : range.steep) / std::max(1.0, ratio);
-    };
+    const auto most_of = [&](const WeightRange& range) { return limit_of(range, view, facts) / std::max(1.0, ratio); };
     const bool isosurface = plan.mode == Mode::isosurface;
     const double axis = view.screen_px.smallest * view.frame.smallest_pixel;
     double most = most_of(plan.analytic_gradient ? widest_derivatives
@@ -322,10 +326,11 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                       "use a smaller " + option_ref("slice_spacing") + ", " + option_ref("filter", "ewa") + " or " +
                           option_ref("backend", "reference"));
     }
-    if (weights_in_slabs(plan.sampling, facts) * crowd > widest_weights_in_slabs) {
+    const double most_in_slabs = limit_of(widest_weights_in_slabs, view, facts);
+    if (weights_in_slabs(plan.sampling, facts) * crowd > most_in_slabs) {
         refuse_sheets("means over slabs with weights of up to " + number(weight_range) + " times w0, " + number(crowd) +
                           " of them at a point",
-                      "at most " + number(widest_weights_in_slabs / (std::max(1.0, ratio) * crowd)) + " times",
+                      "at most " + number(most_in_slabs / (std::max(1.0, ratio) * crowd)) + " times",
                       "use a larger " + option_ref("w0") + ", leave out " + option_ref("sampling", "slab") +
                           " or use " + option_ref("backend", "cpu"));
     }

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "bounds_gl.hpp"
+#include "error_model.hpp"
 #include "parts.hpp"
 #include "plan/limits_gl.hpp"
 #include "plan/slab_nodes.hpp"
@@ -40,10 +41,15 @@ const char* why_tagged(Tagging tagging) {
 void plan_sheets(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
                  const Capabilities& capabilities, Effects& effects, DrawPlan& plan) {
     const bool groups = groups_drawn(scene).size() > 1;
-    // In sheets of their own, quotients and their derivatives are taken before slabs are shaded, and values far from 0
-    // are counted from their middle, which keeps the digits that differences need. Shading divides by one w0 at most.
+    // In sheets of their own, quotients and their derivatives are taken before slabs are shaded, and values far from 0,
+    // over the window or over what they differ by, are counted from their middle, which keeps the digits that
+    // differences need. Shading divides by one w0 at most.
+    const auto is_far_off = [&](const SumFacts& sums) {
+        return sums.ratio >
+               std::min(largest_plain_lit_ratio, plain_lit_change * ratio_from_pivots(scene, plan, sums.resolved));
+    };
     const bool far_off = lights_quotients(plan) && !plan.fine_gradient && !effects.forced_on(EffectId::paper_slicing) &&
-                         sum_facts(scene, view, plan).ratio > largest_plain_lit_ratio;
+                         is_far_off(sum_facts(scene, view, plan));
     divide_apart(scene, outputs, effects, plan, plan.analytic_gradient || far_off || groups);
     if (plan.fine_gradient && !plan.own_sheets.empty()) {
         throw Unsupported(Complaint{

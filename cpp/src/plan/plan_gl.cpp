@@ -45,8 +45,9 @@ void plan_sheets(const Scene& scene, const ViewFacts& view, const RendererOption
     // over the window or over what they differ by, are counted from their middle, which keeps the digits that
     // differences need. Shading divides by one w0 at most.
     const auto is_far_off = [&](const SumFacts& sums) {
-        return sums.ratio >
-               std::min(largest_plain_lit_ratio, plain_lit_change * ratio_from_pivots(scene, plan, sums.resolved));
+        const bool alike = sums.crowd > plain_lit_crowd &&
+                           sums.ratio > plain_lit_change * ratio_from_pivots(scene, plan, sums.resolved);
+        return sums.ratio > largest_plain_lit_ratio || alike;
     };
     const bool far_off = lights_quotients(plan) && !plan.fine_gradient && !effects.forced_on(EffectId::paper_slicing) &&
                          is_far_off(sum_facts(scene, view, plan));

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import threading
@@ -95,9 +96,9 @@ def test_bits_do_not_depend_on_the_number_of_workers(cluster, samples, stop):
     assert rmse(both, ss.render(bricked, size=SIZE, opacity_stop=stop)) <= ROUNDING
     from sheetsplat.bricks import cluster as module
 
-    places = module._cluster(cluster)
+    known = module._cluster(cluster)
     for number in range(64):
-        places._places[(bricked.source.token, number)] = places.workers[0]
+        known.held(bricked.source).places[number] = known.workers[0]
     one = ss.render(bricked, client=cluster, size=SIZE, opacity_stop=stop)
     np.testing.assert_array_equal(both.pixels, one.pixels)
 
@@ -150,6 +151,38 @@ def test_what_dask_counts_does_not_grow_with_pictures(cluster, samples):
     with distributed.span("mine") as mine:
         ss.render(bricked, client=cluster, size=(32, 24), quality="draft")
     assert cluster.run_on_scheduler(lambda dask_scheduler: mine in dask_scheduler.extensions["spans"].spans)
+
+
+def bytes_of_data(dask_worker):
+    """Return how many bytes a worker keeps of what it was sent and what tasks made."""
+    return sum(getattr(one, "carried", 0) for one in dask_worker.data.values())
+
+
+def test_workers_let_go_of_fields_that_are_gone(cluster):
+    from sheetsplat.bricks import cluster as module
+
+    known = module._cluster(cluster)
+    gc.collect()
+    before = set(known._held)
+    values = np.random.default_rng(3).integers(0, 255, (128, 128, 128), dtype=np.uint8)
+    bricked = ss.open_bricks(values, brick=64, client=cluster, quality="draft")
+    ss.render(bricked, client=cluster, size=(32, 24), quality="draft")
+    assert sum(cluster.run(bytes_of_data).values()) >= values.nbytes
+    token = bricked.source.token
+    assert set(known._held) - before == {token}
+    # As long as one field of the same samples is there, so are they.
+    again = ss.open_bricks(values, brick=64, client=cluster, quality="draft")
+    del bricked
+    gc.collect()
+    assert token in known._held
+    ss.render(again, client=cluster, size=(32, 24), quality="draft")
+    del again
+    gc.collect()
+    assert token not in known._held
+    ended = time.monotonic() + 10.0
+    while sum(cluster.run(bytes_of_data).values()) and time.monotonic() < ended:
+        time.sleep(0.02)
+    assert sum(cluster.run(bytes_of_data).values()) == 0
 
 
 @pytest.mark.slow

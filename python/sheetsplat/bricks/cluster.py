@@ -16,6 +16,7 @@ import uuid
 import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -108,17 +109,37 @@ def _kept_bytes(field: BrickedField | BrickedKernels) -> float:
     return _BORDERS * sample * field.survey.size
 
 
+@dataclass(eq=False)
+class _Held:
+    """What workers have of some data, as long as anything shows these.
+
+    Attributes
+    ----------
+    owners
+        Identities of the objects that exist as long as that.
+    places
+        Which worker each brick or piece is asked of.
+    sent
+        Futures of sources that the workers were sent, by their texts.
+    """
+
+    owners: set[int] = field(default_factory=set)
+    places: dict[int, str] = field(default_factory=dict)
+    sent: dict[str, Any] = field(default_factory=dict)
+
+
 class _Cluster:
     """What the client knows of its workers: which were checked, which has which brick, and what they were sent."""
 
     def __init__(self, client: Any) -> None:
         self._client = weakref.ref(client)
         self._checked: set[str] = set()
-        self._places: dict[tuple[str, int], str] = {}
         # Dask's processes count by spans as long as they live, and each picture would be a new one.
         self.span = {"name": ("sheetsplat",), "ids": (uuid.uuid4().hex,)}
-        self._sent: dict[str, Any] = {}
-        self._kept: dict[bytes, tuple[Any, frozenset[str]]] = {}
+        # By the token of the data.
+        self._held: dict[str, _Held] = {}
+        # Of one picture, by what it depends on: the future, those who had a part in it, and the token of its data.
+        self._kept: dict[bytes, tuple[Any, frozenset[str], str]] = {}
 
     def check(self) -> None:
         """Raise an error where there is no worker, or one with another version of this package."""
@@ -149,24 +170,43 @@ class _Cluster:
         self._checked |= known
         self.workers = sorted(known)
 
-    def place(self, token: str, number: int) -> str:
+    def held(self, source: Any) -> _Held:
+        """Return what workers have of the data of a source; it is let go with the last source that shows them."""
+        held = self._held.get(source.token, _Held())
+        owner = getattr(source, "owner", source)
+        if id(owner) not in held.owners:
+            held.owners.add(id(owner))
+            weakref.finalize(owner, _let_go, weakref.ref(self), source.token, id(owner)).atexit = False
+        self._held[source.token] = held
+        return held
+
+    def let_go(self, token: str, owner: int) -> None:
+        """Forget what workers have of data that nothing shows any more."""
+        held = self._held.get(token)
+        if held is not None:
+            held.owners.discard(owner)
+            if not held.owners:
+                del self._held[token]
+                self._kept = {key: kept for key, kept in self._kept.items() if kept[2] != token}
+
+    def place(self, source: Any, number: int) -> str:
         """Return the worker that a brick is asked of: the same one as before while it is there."""
-        found = self._places.get((token, number))
+        places = self.held(source).places
+        found = places.get(number)
         if found not in self.workers:
-            found = self.workers[number % len(self.workers)]
-            self._places[(token, number)] = found
+            found = places[number] = self.workers[number % len(self.workers)]
         return found
 
     def kept(self, key: bytes) -> Any:
         """Return the future of what an earlier picture made, or None."""
-        found, workers = self._kept.get(key, (None, frozenset()))
+        found, workers, _ = self._kept.get(key, (None, frozenset(), ""))
         # What is made by workers that are gone would be waited for in vain.
         usable = found is not None and found.status in ("pending", "finished") and workers <= set(self.workers)
         return found if usable else None
 
-    def keep(self, key: bytes, future: Any) -> None:
-        """Keep what one picture makes for those after it, in place of what was kept before."""
-        self._kept = {key: (future, frozenset(self.workers))}
+    def keep(self, key: bytes, future: Any, source: Any) -> None:
+        """Keep what one picture of a source makes for those after it, in place of what was kept before."""
+        self._kept = {key: (future, frozenset(self.workers), source.token)}
 
     def drop_unfinished(self) -> None:
         """Give up what was to be kept and is not made yet, unless a picture waits for it."""
@@ -176,10 +216,16 @@ class _Cluster:
         """Return what tasks take for a source: one with large arrays is sent to the workers once."""
         if getattr(source, "carried", 0) <= _LARGE:
             return source
-        key = repr(source)
-        if key not in self._sent or self._sent[key].status != "finished":
-            self._sent[key] = client.scatter(source, hash=False)
-        return self._sent[key]
+        sent, key = self.held(source).sent, repr(source)
+        if key not in sent or sent[key].status != "finished":
+            sent[key] = client.scatter(source, hash=False)
+        return sent[key]
+
+
+def _let_go(cluster: weakref.ref[_Cluster], token: str, owner: int) -> None:
+    known = cluster()
+    if known is not None:
+        known.let_go(token, owner)
 
 
 # By the identity of the client, which cannot be a key where it is compared by something else.
@@ -387,7 +433,7 @@ class _Tasks:
 
         Tasks are named by the key that is returned, and take what those have made whose keys they are given.
         """
-        worker = self._cluster.place(self._source.token, number)
+        worker = self._cluster.place(self._source, number)
         return self._add(worker, f"{name}-{self._run}-{number}", function, self._shared, self._sent, number, *more)
 
     def anywhere(self, name: str, function: Callable[..., Any], *more: Any) -> str:
@@ -531,7 +577,7 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
         futures = tasks.submit()
         if key is not None and made is not None:
             # It outlives the picture.
-            cluster.keep(key, futures.pop(made))
+            cluster.keep(key, futures.pop(made), source)
         return futures
 
     def convert(found: tuple[Finished, tuple[int, ...]]) -> tuple[Finished, dict[str, float]]:

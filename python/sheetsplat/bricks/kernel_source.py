@@ -320,6 +320,11 @@ class KernelSource:
         return replace(self, **changes)
 
     @property
+    def owner(self) -> object:
+        """What exists as long as anything shows these kernels, in whatever way."""
+        return self.store
+
+    @property
     def carried(self) -> int:
         """Bytes that go along where it is pickled."""
         return self.store.carried + self.segments.nbytes

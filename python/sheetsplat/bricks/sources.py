@@ -139,6 +139,11 @@ class BrickSource:
         return kind
 
     @property
+    def owner(self) -> object:
+        """What exists as long as anything shows these samples, in whatever way."""
+        return self.reader
+
+    @property
     def carried(self) -> int:
         """Bytes that go along where it is pickled."""
         values = getattr(self.reader, "values", None)

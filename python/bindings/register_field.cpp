@@ -11,11 +11,10 @@
 
 #include "convert.hpp"
 #include "ellipsoid_arrays.hpp"
-#include "field_points.hpp"
-#include "ghost_points.hpp"
 #include "registrars.hpp"
 #include "released.hpp"
 #include "sheetsplat/field.hpp"
+#include "sheetsplat/field_points.hpp"
 
 namespace py = pybind11;
 
@@ -230,14 +229,15 @@ py::array_t<double> shapes_of(const EllipsoidField& field,
 }
 
 /// What the kernels of any field add up to at points (M, 3): (M, 8) of D, W, their derivatives along x, y, z, and (M,)
-/// the number of the kernel with the nearest centre among those that reach the point, -1 where none does.
-py::tuple arrays_of_sums(const Field& field, const py::array& points) {
-    std::vector<Vec3> places = to_vectors(points, "points");
+/// the number of the kernel with the nearest centre among those that reach the point, -1 where none does. 0 threads:
+/// all that the process may use.
+py::tuple arrays_of_sums(const Field& field, const py::array& points, int threads) {
+    const std::vector<Vec3> places = to_vectors(points, "points");
     const std::size_t count = places.size();
     py::array_t<std::int64_t> nearest(static_cast<py::ssize_t>(count));
     std::int64_t* number = nearest.mutable_data();
     py::array_t<double> sums = made_array(count, 8, [&](double* at) {
-        for (const FieldSums& one : sums_at(field, std::move(places))) {
+        for (const FieldSums& one : field_sums(field, places, threads)) {
             *at++ = one.values;
             *at++ = one.weights;
             for (int axis = 0; axis < 3; ++axis) {
@@ -280,7 +280,7 @@ void register_field(py::module_& module) {
         .def_property_readonly("supports", [](const Field& field) { return to_corners(field.supports_world()); })
         .def_property_readonly("default_slice_spacing", &Field::default_slice_spacing)
         .def_property_readonly("memory", &Field::memory)
-        .def("sums_at", &arrays_of_sums, py::arg("points"))
+        .def("sums_at", &arrays_of_sums, py::arg("points"), py::arg("threads") = 0)
         .def(
             "reach_along",
             [](const Field& field, const Triple& from, const Triple& direction) {

@@ -1,6 +1,4 @@
 // Ghost points around an EllipsoidField ([NM06] section 4.1).
-#pragma once
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -14,18 +12,22 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
-#include "field_points.hpp"
 #include "point_tree.hpp"
 #include "sheetsplat/error.hpp"
-#include "sheetsplat/field.hpp"
+#include "sheetsplat/field_points.hpp"
 
-namespace sheetsplat::bindings {
+namespace sheetsplat {
 
-/// Places for kernels of value 0 around a field ([NM06] section 4.1), and the kernel whose shape each takes.
-struct GhostPoints {
-    std::vector<std::size_t> owners;
-    std::vector<Vec3> centers;
-};
+namespace {
+
+/// r^2 of a point that lies at `offset` from the centre of kernel i: |M^-1 offset|^2.
+double squared_radius(const EllipsoidField& field, std::size_t i, Vec3 offset) {
+    if (!field.arrays().rotations.empty()) {
+        offset = glm::conjugate(field.arrays().rotations[i]) * offset;
+    }
+    offset /= field.semi_axes(i);
+    return glm::dot(offset, offset);
+}
 
 using Cell = std::array<double, 4>;
 
@@ -46,7 +48,7 @@ struct CellHash {
 constexpr double ghost_inside = 1.0 - 1e-9;
 
 /// The six directions along the axes and the eight along the diagonals between them.
-inline std::vector<Vec3> ghost_directions() {
+std::vector<Vec3> ghost_directions() {
     const double diagonal = 1.0 / std::sqrt(3.0);
     std::vector<Vec3> directions;
     for (const double sign : {1.0, -1.0}) {
@@ -64,7 +66,7 @@ inline std::vector<Vec3> ghost_directions() {
 
 /// Places around each kernel with a weight from which the kernel's shape reaches no centre. OutOfMemory for more than
 /// `most` of them.
-inline GhostPoints ghost_candidates(const EllipsoidField& field, double distance, std::size_t most) {
+GhostPoints ghost_candidates(const EllipsoidField& field, double distance, std::size_t most) {
     const std::vector<Vec3> directions = ghost_directions();
     std::vector<Vec3> centers;
     std::vector<std::size_t> kernels;
@@ -102,7 +104,7 @@ inline GhostPoints ghost_candidates(const EllipsoidField& field, double distance
 
 /// The indices of the candidates that no support reaches, in the order of their kernels, which does not depend on the
 /// tree.
-inline std::vector<std::size_t> outside_supports(const EllipsoidField& field, const GhostPoints& found) {
+std::vector<std::size_t> outside_supports(const EllipsoidField& field, const GhostPoints& found) {
     std::vector<char> kept(found.owners.size(), 1);
     const PointTree tree(found.centers);
     for (std::size_t i = 0; i < field.size(); ++i) {
@@ -130,11 +132,9 @@ inline std::vector<std::size_t> outside_supports(const EllipsoidField& field, co
     return places;
 }
 
-/// Ghost points around each kernel with a weight, `distance` >= 1 of its own semi-axes from its centre, along its axes
-/// and the diagonals between them: the places that no support reaches and from which the kernel's shape reaches no
-/// centre. Of those closer together than half the smallest semi-axis, and of kernels of about one size, the first is
-/// kept. OutOfMemory for more than `most` candidates.
-inline GhostPoints ghost_points(const EllipsoidField& field, double distance, std::size_t most) {
+} // namespace
+
+GhostPoints ghost_points(const EllipsoidField& field, double distance, std::size_t most) {
     constexpr double closest = 0.5;
     const GhostPoints found = ghost_candidates(field, distance, most);
     const std::vector<std::size_t> places = outside_supports(field, found);
@@ -167,4 +167,4 @@ inline GhostPoints ghost_points(const EllipsoidField& field, double distance, st
     return ghosts;
 }
 
-} // namespace sheetsplat::bindings
+} // namespace sheetsplat

@@ -11,7 +11,7 @@
 
 #include "sheetsplat/field.hpp"
 
-namespace sheetsplat::bindings {
+namespace sheetsplat {
 
 /// Points, found by boxes in time that depends little on how they lie: a tree split at medians (Bentley 1975).
 class PointTree {
@@ -30,11 +30,38 @@ class PointTree {
     /// Indices of the points, neighbours close together.
     [[nodiscard]] const std::vector<std::size_t>& order() const { return order_; }
 
+    /// Parts of the tree that hold each point once, at least `count` of them if there are so many leaves.
+    [[nodiscard]] std::vector<std::size_t> parts(std::size_t count) const {
+        std::vector<std::size_t> found;
+        if (!nodes_.empty()) {
+            found.push_back(0);
+        }
+        for (bool split = true; split && found.size() < count;) {
+            split = false;
+            std::vector<std::size_t> children;
+            for (const std::size_t part : found) {
+                const bool inner = nodes_[part].second_child != 0;
+                split = split || inner;
+                children.push_back(inner ? part + 1 : part);
+                if (inner) {
+                    children.push_back(nodes_[part].second_child);
+                }
+            }
+            found = std::move(children);
+        }
+        return found;
+    }
+
     /// Calls visit(index, point) for the points in a box, and others near it, those in its middle first, until it
     /// returns false; returns whether it never did.
     template <class Visit>
     bool each_in(const Box& box, Visit&& visit) const {
-        return nodes_.empty() || each_in(0, box, visit);
+        return nodes_.empty() || each_in_part(0, box, visit);
+    }
+    /// The same for the points of a part.
+    template <class Visit>
+    bool each_in_part(std::size_t part, const Box& box, Visit&& visit) const {
+        return each_below(part, box, visit);
     }
 
   private:
@@ -69,7 +96,7 @@ class PointTree {
     }
 
     template <class Visit>
-    bool each_in(std::size_t index, const Box& box, Visit& visit) const {
+    bool each_below(std::size_t index, const Box& box, Visit& visit) const {
         const Node& node = nodes_[index];
         for (int axis = 0; axis < 3; ++axis) {
             if (node.box.lower[axis] > box.upper[axis] || node.box.upper[axis] < box.lower[axis]) {
@@ -79,8 +106,8 @@ class PointTree {
         if (node.second_child != 0) {
             const int axis = node.axis;
             const bool turn = box.lower[axis] + box.upper[axis] > 2.0 * nodes_[node.second_child].box.lower[axis];
-            return each_in(turn ? node.second_child : index + 1, box, visit) &&
-                   each_in(turn ? index + 1 : node.second_child, box, visit);
+            return each_below(turn ? node.second_child : index + 1, box, visit) &&
+                   each_below(turn ? index + 1 : node.second_child, box, visit);
         }
         for (std::size_t n = node.first; n < node.last; ++n) {
             if (!visit(order_[n], points_[n])) {
@@ -95,4 +122,4 @@ class PointTree {
     std::vector<Node> nodes_;
 };
 
-} // namespace sheetsplat::bindings
+} // namespace sheetsplat

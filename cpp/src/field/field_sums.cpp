@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <variant>
 #include <vector>
 
 #include <glm/geometric.hpp>
@@ -30,20 +31,13 @@ class Profile {
     explicit Profile(const Kernel& kernel)
         : falloff_(kernel.falloff), edge_(kernel.edge()), gain_(kernel.gain()), slope_(-2.0 * falloff_ * gain_) {}
 
-    /// Adds a kernel that reaches the point: q = M^-1 offset of length below 1, slope = M^-T q.
-    void add(FieldSums& sums, std::size_t number, double value, double weight, const Vec3& offset, const Vec3& q,
-             const Vec3& slope) const {
-        const double r2 = glm::dot(q, q);
-        double exponential = 0.0, above_edge = 0.0;
-        if (falloff_ < 1.0) {
-            // The two exponentials are nearly equal; their difference in closed form is not.
-            const double beyond = std::expm1(falloff_ * (1.0 - r2));
-            above_edge = edge_ * beyond;
-            exponential = edge_ + above_edge;
-        } else {
-            exponential = std::exp(-falloff_ * r2);
-            above_edge = exponential - edge_;
-        }
+    [[nodiscard]] double exponential(double r2) const { return std::exp(-falloff_ * r2); }
+
+    /// Adds a kernel that reaches the point, at a radius below 1; exponential: of r2, slope = M^-T M^-1 offset.
+    void add(FieldSums& sums, std::size_t number, double value, double weight, const Vec3& offset, double r2,
+             double exponential, const Vec3& slope) const {
+        // For small k the two exponentials are nearly equal; their difference in closed form is not.
+        const double above_edge = falloff_ < 1.0 ? edge_ * std::expm1(falloff_ * (1.0 - r2)) : exponential - edge_;
         const double g = above_edge * gain_;
         const Vec3 g_slope = slope_ * exponential * slope;
         sums.values += weight * value * g;
@@ -71,9 +65,11 @@ std::vector<FieldSums> sums_of(const EllipsoidField& field, const std::vector<Ve
         const Vec3 offset = point - field.center(i);
         const glm::dquat turn = turned ? field.arrays().rotations[i] : glm::dquat(1.0, 0.0, 0.0, 0.0);
         const Vec3 q = (turned ? glm::conjugate(turn) * offset : offset) / field.semi_axes(i);
-        if (glm::dot(q, q) < 1.0) {
+        const double r2 = glm::dot(q, q);
+        if (r2 < 1.0) {
             const Vec3 slope = q / field.semi_axes(i);
-            profile.add(sums[n], i, field.value(i), field.weight(i), offset, q, turned ? turn * slope : slope);
+            profile.add(sums[n], i, field.value(i), field.weight(i), offset, r2, profile.exponential(r2),
+                        turned ? turn * slope : slope);
         }
         return true;
     };
@@ -97,37 +93,97 @@ std::vector<FieldSums> sums_of(const EllipsoidField& field, const std::vector<Ve
     return sums;
 }
 
-FieldSums sums_of(const RegularField& field, const Profile& profile, const Vec3& point) {
-    const Vec3 semi_axes = field.semi_axes_world(), origin = field.options().origin;
-    const bool bcc = field.lattice() == Lattice::bcc;
-    const double a = field.options().spacing.x;
-    const Vec3 step = bcc ? Vec3(a, a, 0.5 * a) : field.options().spacing;
-    // First and last sample along an axis that may reach the point, rounding and the shift of odd layers included.
-    const auto range = [&](int axis, std::size_t count) {
-        const double middle = (point[axis] - origin[axis]) / step[axis], reach = semi_axes[axis] / step[axis] + 1.0;
+/// Of the kernels of a volume along an axis that may reach a point: how far the point is from their centres, and what
+/// each adds to r^2 and multiplies exp(-k r^2) by.
+struct AxisReach {
+    std::size_t first = 0;
+    std::vector<double> offset, in_axes, squared, factor;
+
+    [[nodiscard]] std::size_t count() const { return offset.size(); }
+    /// Position(n): where the centre of the kernel n along the axis is.
+    template <class Position>
+    void find(std::array<std::size_t, 2> range, double point, double semi_axis, double falloff, Position&& position) {
+        first = range[0];
+        for (std::vector<double>* numbers : {&offset, &in_axes, &squared, &factor}) {
+            numbers->resize(range[1] - range[0]);
+        }
+        for (std::size_t n = 0; n < count(); ++n) {
+            offset[n] = point - position(first + n);
+            in_axes[n] = offset[n] / semi_axis;
+            squared[n] = in_axes[n] * in_axes[n];
+            factor[n] = std::exp(-falloff * squared[n]);
+        }
+    }
+};
+
+/// Sums over the kernels of a volume at one point after the other.
+class VolumeSums {
+  public:
+    explicit VolumeSums(const RegularField& field)
+        : field_(field), profile_(field.kernel()), bcc_(field.lattice() == Lattice::bcc),
+          semi_axes_(field.semi_axes_world()) {
+        const double a = field.options().spacing.x;
+        step_ = bcc_ ? Vec3(a, a, 0.5 * a) : field.options().spacing;
+    }
+
+    FieldSums at(const Vec3& point) {
+        const auto [nk, nj, ni] = field_.shape();
+        const auto along_i = range(point, 0, ni), along_j = range(point, 1, nj), along_k = range(point, 2, nk);
+        const double k = field_.kernel().falloff;
+        z_.find(along_k, point.z, semi_axes_.z, k, [&](std::size_t n) { return field_.position(0, 0, n).z; });
+        // The odd layers of a BCC lattice are shifted.
+        for (std::size_t odd = 0; odd < (bcc_ ? 2 : 1); ++odd) {
+            x_[odd].find(along_i, point.x, semi_axes_.x, k,
+                         [&](std::size_t n) { return field_.position(n, 0, odd).x; });
+            y_[odd].find(along_j, point.y, semi_axes_.y, k,
+                         [&](std::size_t n) { return field_.position(0, n, odd).y; });
+        }
+        return std::visit([&](const auto& samples) { return sums(samples.data()); }, field_.samples());
+    }
+
+  private:
+    /// First and last sample along an axis that may reach a point, rounding and the shift of odd layers included.
+    [[nodiscard]] std::array<std::size_t, 2> range(const Vec3& point, int axis, std::size_t count) const {
+        const double middle = (point[axis] - field_.options().origin[axis]) / step_[axis];
+        const double reach = semi_axes_[axis] / step_[axis] + 1.0;
         const auto most = static_cast<double>(count);
-        return std::array<std::size_t, 2>{
-            static_cast<std::size_t>(std::clamp(std::floor(middle - reach), 0.0, most)),
-            static_cast<std::size_t>(std::clamp(std::ceil(middle + reach) + 1.0, 0.0, most))};
-    };
-    const auto [nk, nj, ni] = field.shape();
-    const auto along_i = range(0, ni), along_j = range(1, nj), along_k = range(2, nk);
-    FieldSums sums;
-    for (std::size_t k = along_k[0]; k < along_k[1]; ++k) {
-        for (std::size_t j = along_j[0]; j < along_j[1]; ++j) {
-            for (std::size_t i = along_i[0]; i < along_i[1]; ++i) {
-                const Vec3 offset = point - field.position(i, j, k), q = offset / semi_axes;
-                if (glm::dot(q, q) < 1.0) {
-                    const double value = field.value(i, j, k);
-                    if (!std::isnan(value)) {
-                        profile.add(sums, (k * nj + j) * ni + i, value, 1.0, offset, q, q / semi_axes);
+        return {static_cast<std::size_t>(std::clamp(std::floor(middle - reach), 0.0, most)),
+                static_cast<std::size_t>(std::clamp(std::ceil(middle + reach) + 1.0, 0.0, most))};
+    }
+
+    template <class Sample>
+    FieldSums sums(const Sample* samples) const {
+        const auto [nk, nj, ni] = field_.shape();
+        FieldSums sums;
+        for (std::size_t c = 0; c < z_.count(); ++c) {
+            const std::size_t layer = z_.first + c, odd = bcc_ ? layer % 2 : 0;
+            const AxisReach &x = x_[odd], &y = y_[odd];
+            for (std::size_t b = 0; b < y.count(); ++b) {
+                if (y.squared[b] + z_.squared[c] >= 1.0) {
+                    continue;
+                }
+                const std::size_t row = (layer * nj + y.first + b) * ni + x.first;
+                const double factor = y.factor[b] * z_.factor[c];
+                for (std::size_t a = 0; a < x.count(); ++a) {
+                    const double r2 = x.squared[a] + y.squared[b] + z_.squared[c];
+                    const auto value = static_cast<double>(samples[row + a]);
+                    if (r2 < 1.0 && !std::isnan(value)) {
+                        const Vec3 offset(x.offset[a], y.offset[b], z_.offset[c]);
+                        const Vec3 slope = Vec3(x.in_axes[a], y.in_axes[b], z_.in_axes[c]) / semi_axes_;
+                        profile_.add(sums, row + a, value, 1.0, offset, r2, x.factor[a] * factor, slope);
                     }
                 }
             }
         }
+        return sums;
     }
-    return sums;
-}
+
+    const RegularField& field_;
+    Profile profile_;
+    bool bcc_;
+    Vec3 semi_axes_, step_{0.0};
+    AxisReach x_[2], y_[2], z_;
+};
 
 } // namespace
 
@@ -139,12 +195,12 @@ std::vector<FieldSums> field_sums(const Field& field, const std::vector<Vec3>& p
         return sums_of(*ellipsoids, points, pool);
     }
     const RegularField& volume = *as_regular(&field);
-    const Profile profile(field.kernel());
     std::vector<FieldSums> sums(points.size());
     pool.run((points.size() + points_at_a_time - 1) / points_at_a_time, [&](std::size_t block, int) {
         const std::size_t last = std::min(points.size(), (block + 1) * points_at_a_time);
+        VolumeSums at(volume);
         for (std::size_t n = block * points_at_a_time; n < last; ++n) {
-            sums[n] = sums_of(volume, profile, points[n]);
+            sums[n] = at.at(points[n]);
         }
     });
     return sums;

@@ -108,6 +108,68 @@ TEST(FieldSums, of_ellipsoids_do_not_depend_on_threads) {
     }
 }
 
+/// The same of a volume.
+FieldSums by_definition(const RegularField& field, const Vec3& point) {
+    const double k = field.kernel().falloff, edge = std::exp(-k), gain = 1.0 / (1.0 - edge);
+    const auto [nk, nj, ni] = field.shape();
+    FieldSums sums;
+    for (std::size_t n = 0; n < nk * nj * ni; ++n) {
+        const std::size_t i = n % ni, j = n / ni % nj, layer = n / (ni * nj);
+        const Vec3 offset = point - field.position(i, j, layer), q = offset / field.semi_axes_world();
+        const double value = field.value(i, j, layer), r2 = glm::dot(q, q);
+        if (r2 < 1.0 && !std::isnan(value)) {
+            const double profile = (std::exp(-k * r2) - edge) * gain;
+            const Vec3 slope = -2.0 * k * std::exp(-k * r2) * gain * (q / field.semi_axes_world());
+            sums.values += value * profile;
+            sums.weights += profile;
+            sums.values_slope += value * slope;
+            sums.weights_slope += slope;
+            if (glm::dot(offset, offset) < sums.nearest_squared) {
+                sums.nearest_squared = glm::dot(offset, offset);
+                sums.nearest = static_cast<std::int64_t>(n);
+            }
+        }
+    }
+    return sums;
+}
+
+TEST(FieldSums, of_volumes_are_those_of_the_definition) {
+    std::mt19937 random(9);
+    std::vector<double> samples(9 * 8 * 7);
+    for (double& sample : samples) {
+        sample = std::normal_distribution<double>()(random);
+    }
+    samples[200] = std::nan("");
+    for (const Lattice lattice : {Lattice::cartesian, Lattice::bcc}) {
+        for (const double falloff : {0.25, 5.0}) {
+            RegularFieldOptions options;
+            options.lattice = lattice;
+            options.spacing = lattice == Lattice::bcc ? Vec3(1.5) : Vec3(1.0, 2.0, 0.5);
+            options.origin = {-3.0, 1.0, 2.0};
+            options.falloff = falloff;
+            options.nan = NanPolicy::skip;
+            const RegularField field(samples, {9, 8, 7}, options);
+            const Box box = field.supports_world();
+            std::vector<Vec3> points = random_points(1000, random);
+            for (Vec3& point : points) {
+                point = box.lower + point * box.extent();
+            }
+            const std::vector<FieldSums> sums = field_sums(field, points, 2);
+            std::size_t reached = 0;
+            for (std::size_t n = 0; n < points.size(); ++n) {
+                const FieldSums expected = by_definition(field, points[n]);
+                EXPECT_NEAR(sums[n].values, expected.values, 1e-13);
+                EXPECT_NEAR(sums[n].weights, expected.weights, 1e-13);
+                EXPECT_LT(glm::length(sums[n].values_slope - expected.values_slope), 1e-12);
+                EXPECT_LT(glm::length(sums[n].weights_slope - expected.weights_slope), 1e-12);
+                EXPECT_EQ(sums[n].nearest, expected.nearest);
+                reached += sums[n].nearest >= 0;
+            }
+            EXPECT_GT(reached, points.size() / 2);
+        }
+    }
+}
+
 TEST(FieldSums, of_volumes_do_not_depend_on_threads) {
     std::mt19937 random(8);
     std::vector<float> samples(12 * 10 * 8);

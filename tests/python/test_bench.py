@@ -16,7 +16,6 @@ from PIL import Image
 import sheetsplat as ss
 from bench import BENCHES, Goal, Options, Report
 from bench.__main__ import main
-from bench.distributed import Costs, Machine, Task, simulated
 from bench.ellipsoids import WAYS, at_equal_time
 from bench.error_estimate import summary
 from bench.huge import corners
@@ -24,6 +23,7 @@ from bench.measure import Judge, Timing, decibels, difference, exponent, in_new_
 from bench.pyvista_default import draw
 from bench.report import columns
 from bench.scenes import ellipsoids
+from bench.simulation import Costs, Machine, Task, simulated
 from bench.table2005 import PICTURES, threshold_for
 from bench.table2006 import PICTURES as SCATTERED
 from bench.table2006 import diagonals
@@ -442,29 +442,40 @@ def test_scattered_scaling_runs_in_new_processes(tmp_path: Path) -> None:
 
 
 def test_simulated_clusters() -> None:
-    costs = Costs(0.0, 0.0, 0.0, 0.0, scheduler=1e-6)
+    costs = Costs(0.0, 0.0, 0.0, 0.0, submit=1e-6, scheduler=1e-6)
     alone = [Task(1.0, 8e9, (), number) for number in range(8)]
     for workers, expected in ((1, 8.0), (4, 2.0), (16, 1.0)):
-        machine = Machine(workers, speed=1.0, bandwidth=1e9, latency=1e-6)
+        machine = Machine(workers, bandwidth=1e9, latency=1e-6)
         assert simulated(alone, machine, costs).seconds == pytest.approx(expected, rel=1e-3)
-    # Two processes on one core take as long as one.
-    shared = Machine(2, speed=1.0, cores=1.0, latency=1e-6)
-    assert simulated(alone, shared, costs).seconds == pytest.approx(8.0, rel=0.15)
+    # More processes than cores share these.
+    for workers, cores in ((2, 1.0), (4, 1.0), (4, 2.0)):
+        shared = Machine(workers, cores=cores, latency=1e-6)
+        assert simulated(alone, shared, costs).seconds == pytest.approx(8.0 / cores, rel=1e-3)
+    # One that is alone at the end has a core for itself.
+    long = [Task(1.0, 0.0, (), 0), Task(3.0, 0.0, (), 1)]
+    assert simulated(long, Machine(2, cores=1.0, latency=1e-6), costs).seconds == pytest.approx(4.0, rel=1e-3)
     # One after the other, on different workers: what is moved takes time too.
     row = [Task(1.0, 8e9, (number - 1,) if number else (), number) for number in range(4)]
-    run = simulated(row, Machine(2, speed=1.0, bandwidth=8e9, latency=1e-6), costs)
+    run = simulated(row, Machine(2, bandwidth=8e9, latency=1e-6), costs)
     assert run.seconds == pytest.approx(7.0, rel=1e-3) and run.moved == 24e9
     assert run.chain == pytest.approx(4.0) and run.limit == "longest chain"
     busy = simulated(alone, Machine(8, speed=1e3), replace(costs, scheduler=1.0))
     assert busy.limit == "scheduler" and busy.seconds >= 8.0
-    # What the client takes before and after, and what a worker takes beside the work itself.
-    slow = replace(costs, client=3.0, result=2.0, overhead=0.5)
-    assert simulated(alone, Machine(1, speed=1.0, latency=1e-6), slow).seconds == pytest.approx(8 * 1.5 + 5.0, rel=1e-3)
+    # Before any task begins the scheduler has all of them.
+    told = simulated(alone, Machine(8, latency=1e-6), replace(costs, submit=1.0))
+    assert told.seconds == pytest.approx(9.0, rel=1e-3)
+    # What the client takes before and after, and what a worker takes between tasks, with a core and without.
+    slow = replace(costs, client=3.0, result=2.0, overhead=0.5, pause=0.25)
+    assert simulated(alone, Machine(1, latency=1e-6), slow).seconds == pytest.approx(8 * 1.75 + 5.0, rel=1e-3)
+    # What a worker does beside drawing takes time from it where cores are few.
+    beside = replace(costs, beside=0.5)
+    one, two = (simulated(alone, Machine(1, cores=cores, latency=1e-6), beside).seconds for cores in (1.0, 2.0))
+    assert one == pytest.approx(12.0, rel=1e-3) and two == pytest.approx(8.5, rel=1e-3)
     # A core that a worker shares with the scheduler is half as fast while this has messages.
     served = replace(costs, scheduler=1.0)
-    row = [Task(10.0, 0.0, (), 0)] + [Task(0.0, 0.0, (), 0)] * 3
-    one, two = (simulated(row, Machine(1, speed=1.0, cores=cores), served).seconds for cores in (1.0, 2.0))
-    assert one == pytest.approx(two + 10.0, rel=1e-3)
+    row = [Task(0.0, 0.0, (), 0)] * 3 + [Task(10.0, 0.0, (), 1)]
+    one, two = (simulated(row, Machine(2, cores=cores, latency=1e-6), served).seconds for cores in (1.0, 2.0))
+    assert one == pytest.approx(two + 3.0, rel=1e-3)
 
 
 @pytest.mark.slow

@@ -193,6 +193,25 @@ def test_a_viewer_with_workers_ends_quietly(samples, tmp_path):
     assert viewer.returncode == 0 and "Traceback" not in told, told
 
 
+def profiling():
+    """Return whether a process looks where its threads are."""
+    import dask
+
+    return dask.config.get("distributed.worker.profile.enabled", True)
+
+
+@pytest.mark.slow
+def test_processes_of_a_command_look_after_themselves_less(cluster):
+    from sheetsplat.cli.cluster import started
+
+    before = profiling()
+    with started(1) as own:
+        assert list(own.run(profiling).values()) == [False]
+        # Those of others are as they were set.
+        assert set(cluster.run(profiling).values()) == {before}
+    assert profiling() == before is True
+
+
 def read_frame(path):
     """Return the numbers of a picture, int (h, w, 4)."""
     from PIL import Image

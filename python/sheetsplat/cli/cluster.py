@@ -31,9 +31,15 @@ _WORKERS = click.option(
     type=click.IntRange(1, MOST_WORKERS),
     help="Draw FILE in bricks by so many processes of this machine, which share its memory.",
 )
-# Seconds that a worker that ended may take to come back: a busy machine takes longer than the 15 s after which a
-# LocalCluster gives it up for good.
-_RETURN = 600
+# Of dask, for processes of one command. A worker that ended may take long to come back: a busy machine takes longer
+# than the 15 s after which a LocalCluster gives it up for good. Nobody sees what the processes say many times a second
+# of their threads, of their loops and of the machine.
+_SETTINGS = {
+    "distributed.deploy.lost-worker-timeout": "600s",
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "5s",
+}
 _SCHEDULER = click.option(
     "--scheduler",
     cls=GroupedOption,
@@ -101,7 +107,7 @@ def started(count: int) -> Iterator[Any]:
     try:
         start: Any = LocalCluster
         connect: Any = Client
-        with _deaf_children():
+        with dask.config.set(_SETTINGS), _deaf_children():
             cluster = start(
                 n_workers=count,
                 threads_per_worker=1,
@@ -114,8 +120,7 @@ def started(count: int) -> Iterator[Any]:
             )
     except (OSError, RuntimeError, TimeoutError) as error:
         raise complain("processes that draw bricks cannot be started", str(error), f"{count}", kind=Error) from error
-    lasting = {"distributed.deploy.lost-worker-timeout": f"{_RETURN}s"}
-    with dask.config.set(lasting), cluster, connect(cluster) as client:
+    with dask.config.set(_SETTINGS), cluster, connect(cluster) as client:
         yield client
 
 

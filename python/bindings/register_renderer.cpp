@@ -14,6 +14,7 @@
 #include "convert.hpp"
 #include "registrars.hpp"
 #include "released.hpp"
+#include "sheetsplat/light_probe.hpp"
 #include "sheetsplat/renderer.hpp"
 
 namespace py = pybind11;
@@ -93,6 +94,9 @@ class Watch {
 };
 
 using Grid = py::array_t<float, py::array::c_style | py::array::forcecast>;
+using Numbers = py::array_t<double, py::array::c_style | py::array::forcecast>;
+/// Columns of a table of LightSpot, in the order of its members.
+constexpr std::size_t spot_columns = 12;
 
 /// A renderer serves one thread at a time: others wait, without the GIL.
 class LockedRenderer {
@@ -153,6 +157,52 @@ class LockedRenderer {
                                         py::array_t<float>({planes, rows, columns}, piece.values.data())));
         }
         return found;
+    }
+
+    Numbers light_spots(const Scene& part, const Camera& camera, std::array<int, 2> size,
+                        const std::vector<std::size_t>& numbers, const py::object& progress) {
+        const auto spots = draw<std::vector<LightSpot>>(progress, [&](const Progress& watch) {
+            return renderer_.light_spots(part, camera, {size[0], size[1]}, numbers, watch);
+        });
+        Numbers rows({spots->size(), spot_columns});
+        double* to = rows.mutable_data();
+        for (const LightSpot& spot : *spots) {
+            for (const double value :
+                 {static_cast<double>(spot.number), static_cast<double>(spot.slice), spot.behind,
+                  static_cast<double>(spot.group), spot.color.x, spot.color.y, spot.color.z, spot.share,
+                  spot.chances[0], spot.chances[1], spot.occlusion ? 1.0 : 0.0, spot.own ? 1.0 : 0.0}) {
+                *to++ = value;
+            }
+        }
+        return rows;
+    }
+
+    py::tuple light_lines(const Scene& part, const Camera& camera, std::array<int, 2> size, const Numbers& rows,
+                          const py::object& progress) {
+        if (rows.ndim() != 2 || static_cast<std::size_t>(rows.shape(1)) != spot_columns) {
+            throw std::invalid_argument("spots with another number of columns than light_spots has");
+        }
+        std::vector<LightSpot> spots(static_cast<std::size_t>(rows.shape(0)));
+        const double* from = rows.data();
+        for (LightSpot& spot : spots) {
+            spot = {static_cast<std::size_t>(from[0]),
+                    static_cast<std::int64_t>(from[1]),
+                    from[2],
+                    static_cast<std::size_t>(from[3]),
+                    {from[4], from[5], from[6]},
+                    from[7],
+                    {from[8], from[9]},
+                    from[10] != 0.0,
+                    from[11] != 0.0};
+            from += spot_columns;
+        }
+        const auto lines = draw<LightLines>(progress, [&](const Progress& watch) {
+            return renderer_.light_lines(part, camera, {size[0], size[1]}, spots, watch);
+        });
+        const auto table = [&](const std::vector<double>& values) {
+            return Numbers({spots.size(), spots.empty() ? 0 : values.size() / spots.size()}, values.data());
+        };
+        return py::make_tuple(lines->absorbed, lines->lights, table(lines->left), table(lines->shown));
     }
 
     std::shared_ptr<LightVolumes> light_volumes(const LightPlan& light, const std::vector<Grid>& values,
@@ -251,6 +301,16 @@ std::unique_ptr<LockedRenderer> make_renderer(const std::string& backend, std::o
 } // namespace
 
 void register_renderer(py::module_& module) {
+    module.def(
+        "probe_pixels",
+        [](std::array<int, 2> size, bool surfaces) {
+            const ProbePixels probes = probe_pixels({size[0], size[1]}, surfaces);
+            py::array_t<int> pixels({probes.pixels.size(), std::size_t{2}});
+            std::copy_n(probes.pixels.front().data(), 2 * probes.pixels.size(), pixels.mutable_data());
+            return py::make_tuple(pixels, probes.wanted, probes.batch, probes.every_occlusion, probes.points);
+        },
+        py::kw_only(), py::arg("size"), py::arg("surfaces"));
+    module.attr("light_reserve") = light_reserve;
     py::class_<Stages>(module, "Stages").def_property_readonly("done", &Stages::done);
     py::class_<LockedRenderer>(module, "Renderer")
         .def(py::init(&make_renderer), py::kw_only(), py::arg("backend"), py::arg("device"), py::arg("precision"),
@@ -267,6 +327,10 @@ void register_renderer(py::module_& module) {
              py::arg("size"))
         .def("light_pieces", &LockedRenderer::light_pieces, py::arg("part"), py::arg("camera"), py::kw_only(),
              py::arg("size"), py::arg("light"), py::arg("progress"))
+        .def("light_spots", &LockedRenderer::light_spots, py::arg("part"), py::arg("camera"), py::kw_only(),
+             py::arg("size"), py::arg("numbers"), py::arg("progress"))
+        .def("light_lines", &LockedRenderer::light_lines, py::arg("part"), py::arg("camera"), py::kw_only(),
+             py::arg("size"), py::arg("spots"), py::arg("progress"))
         .def("light_volumes", &LockedRenderer::light_volumes, py::arg("light"), py::arg("grids"), py::kw_only(),
              py::arg("progress"))
         .def("begin_stages", &LockedRenderer::begin_stages, py::arg("scene"), py::arg("camera"), py::kw_only(),

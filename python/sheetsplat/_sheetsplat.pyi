@@ -285,6 +285,10 @@ class ErrorEstimate:
 
 def compare(picture: NDArray[np.float32], reference: NDArray[np.float32], channels: int) -> dict[str, float]: ...
 
+light_reserve: float
+
+def probe_pixels(*, size: tuple[int, int], surfaces: bool) -> tuple[NDArray[np.int32], int, int, int, float]: ...
+
 class Stages:
     @property
     def done(self) -> bool: ...
@@ -332,6 +336,24 @@ class Renderer:
         light: LightPlan,
         progress: Callable[[float], object] | None,
     ) -> list[tuple[int, tuple[int, int, int], NDArray[np.float32]]]: ...
+    def light_spots(
+        self,
+        part: Scene,
+        camera: Camera,
+        *,
+        size: tuple[int, int],
+        numbers: Sequence[int],
+        progress: Callable[[float], object] | None,
+    ) -> NDArray[np.float64]: ...
+    def light_lines(
+        self,
+        part: Scene,
+        camera: Camera,
+        *,
+        size: tuple[int, int],
+        spots: NDArray[np.float64],
+        progress: Callable[[float], object] | None,
+    ) -> tuple[bool, int, NDArray[np.float64], NDArray[np.float64]]: ...
     def light_volumes(
         self,
         light: LightPlan,

@@ -148,6 +148,9 @@ LOOKS: tuple[dict[str, Any], ...] = (
     {"shadows": True},
     {"ambient_occlusion": True, "quality": "best"},
     {"mode": "isosurface", "shadows": True, "ambient_occlusion": True},
+    # What is left has no sample of the first ones.
+    {"shadows": True, "ambient_occlusion": True, "clip": ss.Clip(planes=[((0.3, 0.2, 1.0), 25.0)])},
+    {"mode": "isosurface", "shadows": True, "clip": ss.Clip(box=((18.0, 0.0, 0.0), (60.0, 60.0, 60.0)))},
 )
 
 
@@ -186,6 +189,70 @@ def test_the_error_of_light_in_bricks_is_stated(samples: Any, options: dict[str,
     off = rmse(image, exact)
     print(options, off, stated)
     assert off <= image.error.rmse
+
+
+OF_LIGHT = ("shadows from a volume", "occlusion from a volume")
+# Beside `LOOKS`: what is looked at in other ways.
+MEASURED: tuple[dict[str, Any], ...] = (
+    *LOOKS,
+    {"shadows": True, "preintegration": True, "projection": "perspective"},
+    {"shadows": True, "ambient_occlusion": True, "sampling": "slab", "opacity_stop": 1.0},
+    {"shadows": True, "filter": "ewa", "supersampling": 2},
+    {
+        "shadows": True,
+        "depth_cue": ss.DepthCue(start=0.0, end=200.0),
+        "clip": ss.Clip(planes=[((0.3, 0.2, 1.0), 25.0)]),
+        "background": (1.0, 0.5, 0.2),
+    },
+    {"mode": "isosurface", "iso_value": [(60, 0.3), (120, 0.6)], "ambient_occlusion": True, "shadows": True},
+)
+
+
+def _stated(image: ss.Image) -> list[float]:
+    return [image.error.budget.get(name, 0.0) for name in OF_LIGHT]
+
+
+@pytest.mark.parametrize("options", MEASURED)
+def test_light_is_measured_in_bricks_as_in_one_process(samples: Any, options: dict[str, Any]) -> None:
+    options = {"size": (90, 80), "azimuth": 35, "backend": "cpu", "quality": "draft", **options}
+    image = ss.render(ss.open_bricks(samples, brick=16, quality="draft"), **options)
+    whole = ss.RegularField(samples, prefilter=image.recipe.fields[0].options["prefilter"])
+    found, wanted = _stated(image), _stated(ss.render(whole, **options))
+    assert max(wanted) > 0.0
+    # Points lie in other slices where rounding decides.
+    np.testing.assert_allclose(found, wanted, rtol=0.02)
+
+
+def test_light_among_scattered_kernels_is_measured_in_bricks(rng: np.random.Generator) -> None:
+    centers = rng.uniform(-1.0, 1.0, (400, 3))
+    field = ss.EllipsoidField(centers, np.full(400, 0.3), values=rng.uniform(0.0, 1.0, 400), w0=0.1)
+    options = {"size": (50, 40), "azimuth": 35, "backend": "cpu", "shadows": True, "ambient_occlusion": True}
+    bricked = ss.open_bricks(field, brick_kernels=60)
+    image = ss.render(bricked, **options)
+    assert image.stats["bricks"] > 4
+    wanted = _stated(ss.render(field, **options, slice_spacing=image.plan.slice_spacing))
+    assert min(wanted) > 0.0
+    np.testing.assert_allclose(_stated(image), wanted, rtol=0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("options", LOOKS)
+def test_a_cluster_measures_light(cluster: Any, samples: Any, options: dict[str, Any]) -> None:
+    options = {"size": (50, 40), "azimuth": 35, "quality": "draft", **options}
+    image = ss.render(ss.open_bricks(samples, brick=16, client=cluster, quality="draft"), client=cluster, **options)
+    alone = ss.render(ss.open_bricks(samples, brick=16, quality="draft"), **options)
+    assert max(_stated(alone)) > 0.0
+    np.testing.assert_allclose(_stated(image), _stated(alone), rtol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:nothing can be seen")
+def test_a_picture_that_shows_nothing_has_no_error_of_light(cluster: Any, samples: Any) -> None:
+    table = [(0.0, 1.0, 1.0, 1.0, 0.0), (255.0, 1.0, 1.0, 1.0, 0.0)]
+    options = {"size": (20, 16), "backend": "cpu", "shadows": True, "transfer_function": table}
+    for client in (None, cluster):
+        image = ss.render(ss.open_bricks(samples, brick=16, client=client, quality="draft"), client=client, **options)
+        assert max(_stated(image)) == image.error.rmse == 0.0
 
 
 def _reads(*, forget: bool) -> int:

@@ -1,6 +1,7 @@
 // The renderer: scene, camera and size -> picture.
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <map>
 #include <memory>
@@ -15,6 +16,9 @@
 #include "sheetsplat/scene.hpp"
 
 namespace sheetsplat {
+
+struct LightLines;
+struct LightSpot;
 
 struct RendererOptions {
     Backend backend = Backend::automatic;
@@ -84,6 +88,14 @@ class Renderer {
     /// Cancelled.
     [[nodiscard]] LightVolumes light_volumes(const LightPlan& light, std::vector<LightVolume> grids,
                                              const Progress& progress = {}) const;
+    /// How far light in the picture of a whole is from its definition, in two rounds over all parts, which have
+    /// Part::light (light_probe.hpp). What a part shows at some of probe_pixels; then, along lines from spots that
+    /// were chosen of those of all parts, what it leaves of light. Throws as render.
+    [[nodiscard]] std::vector<LightSpot> light_spots(const Scene& part, const Camera& camera, Size size,
+                                                     const std::vector<std::size_t>& numbers,
+                                                     const Progress& progress = {});
+    [[nodiscard]] LightLines light_lines(const Scene& part, const Camera& camera, Size size,
+                                         const std::vector<LightSpot>& spots, const Progress& progress = {});
 
   private:
     friend class Stages;

@@ -5,6 +5,9 @@
 #include <limits>
 #include <utility>
 
+#include <glm/common.hpp>
+#include <glm/vector_relational.hpp>
+
 #include "reference/classify.hpp"
 
 namespace sheetsplat {
@@ -16,6 +19,29 @@ namespace {
 constexpr double margin_of_cell = 0.5;
 /// What is left of light where it no longer matters how much.
 constexpr double dark = 1e-4;
+constexpr double all_steps = std::numeric_limits<double>::max();
+
+/// From where to where a line is in a box, in units of its direction; first > second: nowhere.
+std::pair<double, double> within(const Box& box, const Vec3& start, const Vec3& direction) {
+    double from = -all_steps, to = all_steps;
+    for (int axis = 0; axis < 3; ++axis) {
+        if (direction[axis] != 0.0) {
+            const double a = (box.lower[axis] - start[axis]) / direction[axis];
+            const double b = (box.upper[axis] - start[axis]) / direction[axis];
+            from = std::max(from, std::min(a, b));
+            to = std::min(to, std::max(a, b));
+        } else if (start[axis] < box.lower[axis] || start[axis] > box.upper[axis]) {
+            return {1.0, 0.0};
+        }
+    }
+    return {from, to};
+}
+
+/// What a scene draws: the cell of a part, or all points.
+Box cell_of(const Scene& scene) {
+    constexpr double far = std::numeric_limits<double>::infinity();
+    return scene.part ? scene.part->cell : Box{Vec3(-far), Vec3(far)};
+}
 
 } // namespace
 
@@ -24,7 +50,7 @@ LightAtPoints::LightAtPoints(const Request& request, const Prepared& prepared, c
                              std::vector<std::shared_ptr<const PointValues>> values)
     : scene_(request.scene), camera_(request.camera), frame_(prepared.frame), plan_(prepared.plan), volumes_(volumes),
       values_(std::move(values)), surfaces_(!volumes.groups.empty()), groups_(scene_.groups()),
-      clipping_(scene_, camera_), box_(supports_world(scene_)),
+      clipping_(scene_, camera_), cell_(cell_of(scene_)), box_(supports_world(scene_)),
       lengths_(frame_.slice_spacing / frame_.reference_length) {
     if (plan_.filter) {
         const double wider = 4.0 * (frame_.largest_pixel() + frame_.slice_spacing);
@@ -109,12 +135,10 @@ bool LightAtPoints::clip_keeps(const Vec3& world) const {
 }
 
 double LightAtPoints::light_off(std::size_t number, const Vec3& world) const {
-    constexpr double all = std::numeric_limits<double>::max();
     if (surfaces_) {
-        return line_off(world, to_lights_[number], lines_.to_lights[number], all);
+        return line_off(world, to_lights_[number], lines_.to_lights[number], all_steps);
     }
-    const bool drawn = number < volumes_.lights.size() && volumes_.lights[number];
-    return (drawn ? volumes_.lights[number]->at(world) : 1.0) - left_along(world, to_lights_[number], all);
+    return light_shown(number, world) - left_along(world, to_lights_[number], all_steps);
 }
 
 double LightAtPoints::open_off(const Vec3& world) const {
@@ -124,7 +148,43 @@ double LightAtPoints::open_off(const Vec3& world) const {
                          : -left_along(world, around_[n], occlusion_steps_);
     }
     sum /= static_cast<double>(around_.size());
-    return surfaces_ ? sum : sum + (volumes_.openness ? volumes_.openness->at(world) : 1.0);
+    return surfaces_ ? sum : sum + open_shown(world);
+}
+
+double LightAtPoints::light_shown(std::size_t number, const Vec3& world) const {
+    if (surfaces_) {
+        const LightVolume& grid = *volumes_.groups.front();
+        const Vec3 place = grid.place_of(world), &step = lines_.to_lights[number];
+        return lines_.left_along(volumes_, place, step, lines_.last_step(place, step));
+    }
+    const bool drawn = number < volumes_.lights.size() && volumes_.lights[number];
+    return drawn ? volumes_.lights[number]->at(world) : 1.0;
+}
+
+double LightAtPoints::open_shown(const Vec3& world) const {
+    if (!surfaces_) {
+        return volumes_.openness ? volumes_.openness->at(world) : 1.0;
+    }
+    const Vec3 place = volumes_.groups.front()->place_of(world);
+    double sum = 0.0;
+    for (const Vec3& step : lines_.around) {
+        sum += lines_.left_along(volumes_, place, step, std::min(lines_.last_step(place, step), occlusion_steps_));
+    }
+    return sum / static_cast<double>(around_.size());
+}
+
+double LightAtPoints::light_here(std::size_t number, const Vec3& world) const {
+    return surfaces_ ? absorbed_along(world, to_lights_[number], lines_.to_lights[number], all_steps)
+                     : left_along(world, to_lights_[number], all_steps);
+}
+
+double LightAtPoints::open_here(std::size_t direction, const Vec3& world) const {
+    return surfaces_ ? absorbed_along(world, around_[direction], lines_.around[direction], occlusion_steps_)
+                     : left_along(world, around_[direction], occlusion_steps_);
+}
+
+bool LightAtPoints::holds(const Vec3& world) const {
+    return glm::all(glm::lessThanEqual(cell_.lower, world)) && glm::all(glm::lessThan(world, cell_.upper));
 }
 
 PointValues::Value LightAtPoints::value_at(std::size_t group, const Vec3& world) const {
@@ -174,25 +234,48 @@ double LightAtPoints::line_off(const Vec3& world, const Vec3& direction, const V
     return SurfaceLines::left_of(drawn) - SurfaceLines::left_of(absorbed);
 }
 
-// What the definition leaves of light in mode composite.
-double LightAtPoints::left_along(const Vec3& world, const Vec3& direction, double steps) const {
-    double end = std::numeric_limits<double>::max();
-    for (int axis = 0; axis < 3; ++axis) {
-        if (direction[axis] != 0.0) {
-            const double side = direction[axis] > 0.0 ? box_.upper[axis] : box_.lower[axis];
-            end = std::min(end, (side - world[axis]) / direction[axis]);
+// What surfaces in the cell absorb on a line: those between a point in it and the one before.
+double LightAtPoints::absorbed_along(const Vec3& world, const Vec3& direction, const Vec3& step, double steps) const {
+    const Vec3 place = volumes_.groups.front()->place_of(world);
+    const double spacing = frame_.slice_spacing;
+    const auto [from, to] = within(cell_, world, direction);
+    const double first = std::max(2.0, std::floor(from / spacing));
+    const double last = std::min({lines_.last_step(place, step), steps, std::floor(to / spacing) + 1.0});
+    const auto below = [&](std::size_t group, double point) {
+        const Vec3 there = place + point * step;
+        const double side = side_at(group, there);
+        return side != mixed ? side
+                             : lines_.absorbed_below(side_in_cell(group, world + point * spacing * direction,
+                                                                  volumes_.groups[group]->around(there))
+                                                         .rho /
+                                                     plan_.value_unit);
+    };
+    double absorbed = 0.0;
+    for (std::size_t group = 0; group < groups_.size(); ++group) {
+        for (double point = first; point <= last && absorbed < SurfaceLines::opaque; point += 1.0) {
+            if (holds(world + point * spacing * direction)) {
+                absorbed += std::abs(below(group, point) - below(group, point - 1.0));
+            }
         }
     }
-    const double last = std::min(steps, std::floor(end / frame_.slice_spacing) + 1.0);
+    return absorbed;
+}
+
+// What the points of a line in the cell leave of light in mode composite, by the definition.
+double LightAtPoints::left_along(const Vec3& world, const Vec3& direction, double steps) const {
+    const auto [from, to] =
+        within({glm::max(box_.lower, cell_.lower), glm::min(box_.upper, cell_.upper)}, world, direction);
+    const double first = std::max(1.0, std::floor(from / frame_.slice_spacing));
+    const double last = std::min(steps, std::floor(to / frame_.slice_spacing) + 1.0);
     const Vec3 step = frame_.slice_spacing * direction;
     const ClearLine line = clear_line(world, step);
     double left = 1.0;
-    for (double number = 1.0; number <= last && left > dark; number += 1.0) {
+    for (double number = first; number <= last && left > dark; number += 1.0) {
         if (clear_at(line, number)) {
             continue;
         }
         const Vec3 point = world + number * step;
-        if (!clip_keeps(point)) {
+        if (!holds(point) || !clip_keeps(point)) {
             continue;
         }
         for (std::size_t group = 0; group < groups_.size(); ++group) {

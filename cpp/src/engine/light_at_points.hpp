@@ -67,6 +67,16 @@ class LightAtPoints {
     /// The same of what is open around a point.
     [[nodiscard]] double open_off(const Vec3& world) const;
 
+    /// What the picture shows of a light at a point, and of what is open around it.
+    [[nodiscard]] double light_shown(std::size_t number, const Vec3& world) const;
+    [[nodiscard]] double open_shown(const Vec3& world) const;
+    /// What the scene's part leaves on the way of a light, or of one of directions_around, to a point that may lie
+    /// elsewhere: all of it are multiplied. Of surfaces what it absorbs: all of it add up.
+    [[nodiscard]] double light_here(std::size_t number, const Vec3& world) const;
+    [[nodiscard]] double open_here(std::size_t direction, const Vec3& world) const;
+    /// Whether a point lies in the part's cell; without a part all do.
+    [[nodiscard]] bool holds(const Vec3& world) const;
+
   private:
     /// Blocks of a grid of rho that lie on one side of every surface: absorbed_below there; of others `mixed`.
     static constexpr double mixed = -1.0;
@@ -81,6 +91,7 @@ class LightAtPoints {
                                                   const LightVolume::Around& around) const;
     [[nodiscard]] double line_off(const Vec3& world, const Vec3& direction, const Vec3& step, double steps) const;
     [[nodiscard]] double left_along(const Vec3& world, const Vec3& direction, double steps) const;
+    [[nodiscard]] double absorbed_along(const Vec3& world, const Vec3& direction, const Vec3& step, double steps) const;
 
     const Scene& scene_;
     const Camera& camera_;
@@ -91,6 +102,7 @@ class LightAtPoints {
     bool surfaces_;
     std::vector<Group> groups_;
     reference::Clipping clipping_;
+    Box cell_; ///< of the part: lower <= x < upper
     Box box_;
     double lengths_;
     std::vector<Vec3> to_lights_;

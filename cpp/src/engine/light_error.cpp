@@ -38,8 +38,6 @@ constexpr std::size_t every_occlusion = 4;
 constexpr std::size_t most_scattered = 200'000;
 /// Pixels between two looks at whether there are enough.
 constexpr std::size_t batch = 512;
-/// What is stated over what was measured: other pixels may be worse than those that were looked at.
-constexpr double reserve = 1.25;
 /// Points of a pixel that are looked at on the average, of all that show something: lines to lights are what takes
 /// time. More in pictures of few pixels.
 constexpr double points_of_pixel = 8.0;
@@ -79,41 +77,48 @@ class View {
 
     [[nodiscard]] Off look(int column, int row, bool occlusion) const {
         const Ray ray = ray_of(column, row);
+        const std::vector<Spot> spots = spots_on(ray);
         Off off;
-        if (ray.first > ray.last) {
-            return off;
-        }
-        std::vector<Values> known(static_cast<std::size_t>(ray.last - ray.first + 1));
-        const auto values = [&](std::int64_t n) -> const Values& {
-            static const Values nothing;
-            if (n < ray.first || n > ray.last) {
-                return nothing;
-            }
-            Values& here = known[static_cast<std::size_t>(n - ray.first)];
-            if (!here.looked_at) {
-                here = values_at(ray, n);
-            }
-            return here;
-        };
-        const bool between = uses_intervals(scene_.mode, scene_.preintegration);
-        double alpha = 0.0;
-        std::vector<Spot> spots;
-        const LightAtPoints::ClearLine line = light_.clear_line(ray.start, ray.along);
-        for (std::int64_t n = ray.first - (between ? 1 : 0); n <= ray.last && alpha < scene_.opacity_stop; ++n) {
-            // Of the slice, or the interval behind it.
-            const double front = frame_.depth_of(n) - half_slab_;
-            const double back = frame_.depth_of(between ? n + 1 : n) + half_slab_;
-            if (light_.surfaces()) {
-                if (!light_.on_one_side(ray.point(front), ray.point(back))) {
-                    add_crossings(ray, n, values, alpha, spots);
-                }
-            } else if (!light_.clear_at(line, front) || (front < back && !light_.clear_at(line, back))) {
-                add_slice(ray, n, values, alpha, spots);
-            }
-        }
-        off.seen = alpha > 0.0;
+        off.seen = std::any_of(spots.begin(), spots.end(), [](const Spot& spot) { return spot.share > 0.0; });
         look_at_some(ray, spots, occlusion, off);
         return off;
+    }
+
+    /// What a pixel shows, from front to back.
+    [[nodiscard]] std::vector<LightSpot> spots_at(int column, int row) const {
+        std::vector<LightSpot> found;
+        for (const Spot& spot : spots_on(ray_of(column, row))) {
+            found.push_back({0,
+                             spot.slice,
+                             spot.behind,
+                             spot.group,
+                             spot.color,
+                             spot.share,
+                             {chance(column, row, 0), chance(column, row, 1)}});
+        }
+        return found;
+    }
+
+    /// Of a pixel's spot: where it is; and for each light, and for what is open around, what all of it adds and how
+    /// much of it the picture shows.
+    [[nodiscard]] Vec3 place_of(int column, int row, const LightSpot& spot) const {
+        return ray_of(column, row).point(depth_of(spot_of(spot)));
+    }
+    void add_shown(int column, int row, const LightSpot& lit, double* shown) const {
+        const Ray ray = ray_of(column, row);
+        const Spot spot = spot_of(lit);
+        const Vec3 world = ray.point(depth_of(spot));
+        const std::vector<Vec3> most = plan_.shadows ? most_of_lights(ray, spot, 0.0) : std::vector<Vec3>{};
+        const auto put = [&shown](const Vec3& adds, double drawn) {
+            shown = std::copy_n(&adds.x, 3, shown);
+            *shown++ = drawn;
+        };
+        for (std::size_t number = 0; number < most.size(); ++number) {
+            put(most[number], light_.light_shown(number, world));
+        }
+        if (plan_.ambient_occlusion && lit.occlusion) {
+            put(most_open(spot), light_.open_shown(world));
+        }
     }
 
   private:
@@ -139,6 +144,51 @@ class View {
         Vec3 color{0.0};
         double share = 0.0; ///< of the pixel
     };
+
+    [[nodiscard]] std::vector<Spot> spots_on(const Ray& ray) const {
+        std::vector<Spot> spots;
+        if (ray.first > ray.last) {
+            return spots;
+        }
+        std::vector<Values> known(static_cast<std::size_t>(ray.last - ray.first + 1));
+        const auto values = [&](std::int64_t n) -> const Values& {
+            static const Values nothing;
+            if (n < ray.first || n > ray.last) {
+                return nothing;
+            }
+            Values& here = known[static_cast<std::size_t>(n - ray.first)];
+            if (!here.looked_at) {
+                here = values_at(ray, n);
+            }
+            return here;
+        };
+        const bool between = uses_intervals(scene_.mode, scene_.preintegration);
+        double alpha = 0.0;
+        const LightAtPoints::ClearLine line = light_.clear_line(ray.start, ray.along);
+        for (std::int64_t n = ray.first - (between ? 1 : 0); n <= ray.last && alpha < scene_.opacity_stop; ++n) {
+            if (!light_.holds(ray.point(frame_.depth_of(std::max<std::int64_t>(n, 0))))) {
+                continue;
+            }
+            // Of the slice, or the interval behind it.
+            const double front = frame_.depth_of(n) - half_slab_;
+            const double back = frame_.depth_of(between ? n + 1 : n) + half_slab_;
+            if (light_.surfaces()) {
+                if (!light_.on_one_side(ray.point(front), ray.point(back))) {
+                    add_crossings(ray, n, values, alpha, spots);
+                }
+            } else if (!light_.clear_at(line, front) || (front < back && !light_.clear_at(line, back))) {
+                add_slice(ray, n, values, alpha, spots);
+            }
+        }
+        return spots;
+    }
+
+    [[nodiscard]] static Spot spot_of(const LightSpot& spot) {
+        return {spot.slice, spot.behind, spot.group, spot.color, spot.share};
+    }
+    [[nodiscard]] double depth_of(const Spot& spot) const {
+        return frame_.depth_of(spot.slice) + spot.behind * frame_.slice_spacing;
+    }
 
     [[nodiscard]] Vec3 to_world(const Vec3& eye) const {
         return camera_.eye() + eye.x * camera_.right_world() + eye.y * camera_.up_world() +
@@ -358,38 +408,58 @@ class View {
     /// At a point that adds 1 to a pixel. least: lights that add less are passed over.
     [[nodiscard]] Bright bright_at(const Ray& ray, const Spot& spot, bool occlusion, double least) const {
         Bright bright;
-        const double depth = frame_.depth_of(spot.slice) + spot.behind * frame_.slice_spacing;
-        double cued = 1.0;
-        if (scene_.depth_cue) {
-            const DepthCue& cue = *scene_.depth_cue;
-            cued -= cue.strength * std::clamp((depth - cue.start) / (cue.end - cue.start), 0.0, 1.0);
-        }
-        const Vec3 world = ray.point(depth);
-        const Material& material = scene_.material;
+        const Vec3 world = ray.point(depth_of(spot));
         if (plan_.shadows) {
-            const Vec3 outward = facing_away(gradient(ray, spot), spot.group),
-                       to_viewer = screen_.to_viewer(ray.column, ray.row);
-            for (std::size_t number = 0; number < scene_.lights.size(); ++number) {
-                const Vec3 direction = camera_.direction_to_eye(light_.to_light(number));
-                const double towards = glm::dot(outward, direction);
-                const double facing = material.two_sided ? std::abs(towards) : std::max(0.0, towards);
-                if (cued * facing < least) {
-                    continue;
+            const std::vector<Vec3> most = most_of_lights(ray, spot, least);
+            for (std::size_t number = 0; number < most.size(); ++number) {
+                if (most[number] != Vec3(0.0)) {
+                    bright.shadows += most[number] * light_.light_off(number, world);
                 }
-                const Vec3 mirrored = 2.0 * towards * outward - direction;
-                const double highlight =
-                    std::pow(std::max(0.0, glm::dot(mirrored, to_viewer)), material.shininess) * material.specular;
-                const Vec3 most =
-                    cued * facing * scene_.lights[number].color * (spot.color * material.diffuse + Vec3(highlight));
-                bright.shadows += most * light_.light_off(number, world);
             }
         }
         if (plan_.ambient_occlusion && occlusion) {
-            const double ambient = scene_.lights.empty() ? 1.0 : material.ambient;
-            bright.occlusion =
-                cued * ambient * scene_.ambient_occlusion->strength * light_.open_off(world) * spot.color;
+            bright.occlusion = light_.open_off(world) * most_open(spot);
         }
         return bright;
+    }
+
+    /// What is left by the depth cue.
+    [[nodiscard]] double cued(const Spot& spot) const {
+        if (!scene_.depth_cue) {
+            return 1.0;
+        }
+        const DepthCue& cue = *scene_.depth_cue;
+        return 1.0 - cue.strength * std::clamp((depth_of(spot) - cue.start) / (cue.end - cue.start), 0.0, 1.0);
+    }
+
+    /// What all of each light adds at a point that adds 1 to a pixel; 0 of those that add less than `least`.
+    [[nodiscard]] std::vector<Vec3> most_of_lights(const Ray& ray, const Spot& spot, double least) const {
+        const Material& material = scene_.material;
+        const double left = cued(spot);
+        const Vec3 outward = facing_away(gradient(ray, spot), spot.group),
+                   to_viewer = screen_.to_viewer(ray.column, ray.row);
+        std::vector<Vec3> most;
+        for (std::size_t number = 0; number < scene_.lights.size(); ++number) {
+            const Vec3 direction = camera_.direction_to_eye(light_.to_light(number));
+            const double towards = glm::dot(outward, direction);
+            const double facing = material.two_sided ? std::abs(towards) : std::max(0.0, towards);
+            if (left * facing < least) {
+                most.emplace_back(0.0);
+                continue;
+            }
+            const Vec3 mirrored = 2.0 * towards * outward - direction;
+            const double highlight =
+                std::pow(std::max(0.0, glm::dot(mirrored, to_viewer)), material.shininess) * material.specular;
+            most.push_back(left * facing * scene_.lights[number].color *
+                           (spot.color * material.diffuse + Vec3(highlight)));
+        }
+        return most;
+    }
+
+    /// The same of light from all around.
+    [[nodiscard]] Vec3 most_open(const Spot& spot) const {
+        const double ambient = scene_.lights.empty() ? 1.0 : scene_.material.ambient;
+        return cued(spot) * ambient * scene_.ambient_occlusion->strength * spot.color;
     }
 
     /// rho where a pixel meets a slice; 0 beyond the slices.
@@ -427,6 +497,30 @@ class SquareSum {
 
 } // namespace
 
+ProbePixels probe_pixels(Size size, bool surfaces) {
+    const std::size_t pixels = static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height);
+    const std::size_t wanted = surfaces ? surface_probes : volume_probes;
+    const double fewer = static_cast<double>(wanted) / static_cast<double>(pixels);
+    ProbePixels probes;
+    probes.batch = batch;
+    probes.points = points_of_pixel * std::max(1.0, fewer * fewer);
+    if (pixels <= wanted) {
+        probes.wanted = pixels + 1;
+        for (int row = 0; row < size.height; ++row) {
+            for (int column = 0; column < size.width; ++column) {
+                probes.pixels.push_back({column, row});
+            }
+        }
+        return probes;
+    }
+    probes.wanted = wanted;
+    probes.every_occlusion = every_occlusion;
+    for (std::size_t number = 0; number < tries_per_probe * wanted; ++number) {
+        probes.pixels.push_back(spread(number, size));
+    }
+    return probes;
+}
+
 bool LightErrorProbe::is_cheap(const Request& request, const Prepared& prepared) {
     std::size_t kernels = 0;
     for (const auto& field : request.scene.fields) {
@@ -435,8 +529,8 @@ bool LightErrorProbe::is_cheap(const Request& request, const Prepared& prepared)
     return kernels <= most_scattered;
 }
 
-LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
-                                    const std::shared_ptr<const LightVolume>& absorption) {
+LightAtPoints LightErrorProbe::light_at(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
+                                        const std::shared_ptr<const LightVolume>& absorption) {
     std::vector<Known> known;
     std::vector<std::shared_ptr<const PointValues>> values;
     for (const auto& field : request.scene.fields) {
@@ -473,31 +567,88 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
         }
         return *clear_.second;
     };
-    const LightAtPoints light(request, prepared, volumes, absorption.get(), blocks, clear, std::move(values));
-    const Size size = request.size;
-    const std::size_t pixels = static_cast<std::size_t>(size.width) * static_cast<std::size_t>(size.height);
-    const bool surfaces = request.scene.mode == Mode::isosurface;
-    const std::size_t wanted = surfaces ? surface_probes : volume_probes;
-    const bool all = pixels <= wanted;
-    const double fewer = static_cast<double>(wanted) / static_cast<double>(pixels);
-    const View view(request, prepared, light, points_of_pixel * std::max(1.0, fewer * fewer));
-    const std::size_t every = all ? 1 : every_occlusion;
-    const std::size_t most = all ? pixels : tries_per_probe * wanted;
+    return LightAtPoints(request, prepared, volumes, absorption.get(), blocks, clear, std::move(values));
+}
+
+std::vector<LightSpot> LightErrorProbe::spots(const Request& request, const Prepared& prepared,
+                                              const std::vector<std::size_t>& numbers) {
+    const LightAtPoints light = light_at(request, prepared, *request.scene.part->light, nullptr);
+    const ProbePixels probes = probe_pixels(request.size, light.surfaces());
+    const View view(request, prepared, light, probes.points);
+    std::vector<std::vector<LightSpot>> found(numbers.size());
+    ThreadPool pool(thread_count(request.options.threads));
+    pool.run(
+        numbers.size(),
+        [&](std::size_t task, int) {
+            const std::size_t number = numbers[task];
+            const auto [column, row] = probes.pixels.at(number);
+            found[task] = view.spots_at(column, row);
+            for (LightSpot& spot : found[task]) {
+                spot.number = number;
+                spot.occlusion = prepared.plan.ambient_occlusion && number % probes.every_occlusion == 0;
+            }
+        },
+        [&] { report_progress(request.progress, 0.0); });
+    std::vector<LightSpot> all;
+    for (const std::vector<LightSpot>& one : found) {
+        all.insert(all.end(), one.begin(), one.end());
+    }
+    return all;
+}
+
+LightLines LightErrorProbe::lines(const Request& request, const Prepared& prepared,
+                                  const std::vector<LightSpot>& spots) {
+    const LightAtPoints light = light_at(request, prepared, *request.scene.part->light, nullptr);
+    const ProbePixels probes = probe_pixels(request.size, light.surfaces());
+    const View view(request, prepared, light, probes.points);
+    LightLines lines;
+    lines.absorbed = light.surfaces();
+    lines.lights = prepared.plan.shadows ? request.scene.lights.size() : 0;
+    lines.directions = lines.lights + (prepared.plan.ambient_occlusion ? directions_around : 0);
+    const std::size_t shown = 4 * (lines.lights + (prepared.plan.ambient_occlusion ? 1 : 0));
+    lines.left.assign(spots.size() * lines.directions, lines.absorbed ? 0.0 : 1.0);
+    lines.shown.assign(spots.size() * shown, 0.0);
+    ThreadPool pool(thread_count(request.options.threads));
+    pool.run(
+        spots.size(),
+        [&](std::size_t task, int) {
+            const LightSpot& spot = spots[task];
+            const auto [column, row] = probes.pixels.at(spot.number);
+            const Vec3 world = view.place_of(column, row, spot);
+            double* left = &lines.left[task * lines.directions];
+            for (std::size_t number = 0; number < lines.directions; ++number) {
+                if (number < lines.lights) {
+                    left[number] = light.light_here(number, world);
+                } else if (spot.occlusion) {
+                    left[number] = light.open_here(number - lines.lights, world);
+                }
+            }
+            if (spot.own) {
+                view.add_shown(column, row, spot, &lines.shown[task * shown]);
+            }
+        },
+        [&] { report_progress(request.progress, 0.0); });
+    return lines;
+}
+
+LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
+                                    const std::shared_ptr<const LightVolume>& absorption) {
+    const LightAtPoints light = light_at(request, prepared, volumes, absorption);
+    const ProbePixels probes = probe_pixels(request.size, request.scene.mode == Mode::isosurface);
+    const View view(request, prepared, light, probes.points);
+    const std::size_t most = probes.pixels.size(), every = probes.every_occlusion;
     ThreadPool pool(thread_count(request.options.threads));
     std::vector<View::Off> found;
     std::size_t seen = 0;
-    while (found.size() < most && (all || seen < wanted)) {
+    while (found.size() < most && seen < probes.wanted) {
         const std::size_t start = found.size();
-        found.resize(std::min(most, start + batch));
+        found.resize(std::min(most, start + probes.batch));
         pool.run(
             found.size() - start,
             [&](std::size_t task, int) {
                 const std::size_t number = start + task;
-                const auto width = static_cast<std::size_t>(size.width);
-                const std::array<int, 2> at =
-                    all ? std::array<int, 2>{static_cast<int>(number % width), static_cast<int>(number / width)}
-                        : spread(number, size);
-                found[number] = view.look(at[0], at[1], number % every == 0);
+                const auto [column, row] = probes.pixels[number];
+                found[number] = view.look(column, row, number % every == 0);
             },
             [&] { report_progress(request.progress, 1.0); });
         seen += static_cast<std::size_t>(std::count_if(found.begin() + static_cast<std::ptrdiff_t>(start), found.end(),
@@ -518,8 +669,8 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
     const double more = apart > 0.0 ? std::max(1.0, std::sqrt(together.value() / apart)) : 1.0;
     // Of four channels, of which opacity is right.
     const double channels = 4.0 * static_cast<double>(std::max<std::size_t>(found.size(), 1));
-    return {reserve * more * std::sqrt(shadows.value() / channels),
-            reserve * more * std::sqrt(occlusion.value() * static_cast<double>(every) / channels)};
+    return {light_reserve * more * std::sqrt(shadows.value() / channels),
+            light_reserve * more * std::sqrt(occlusion.value() * static_cast<double>(every) / channels)};
 }
 
 void state_light_errors(const LightErrors& errors, RenderPlan& plan) {

@@ -8,8 +8,10 @@
 #include <vector>
 
 #include "draw.hpp"
+#include "light_at_points.hpp"
 #include "point_values.hpp"
 #include "sheetsplat/image.hpp"
+#include "sheetsplat/light_probe.hpp"
 #include "sheetsplat/light_volume.hpp"
 #include "view/light_blocks.hpp"
 
@@ -30,8 +32,14 @@ class LightErrorProbe {
     /// absorption: what the volumes were made from, where it is still there.
     LightErrors errors(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
                        const std::shared_ptr<const LightVolume>& absorption);
+    /// What a part of a whole says (Renderer::light_spots, Renderer::light_lines). Throws OutOfMemory, Cancelled.
+    std::vector<LightSpot> spots(const Request& request, const Prepared& prepared,
+                                 const std::vector<std::size_t>& numbers);
+    LightLines lines(const Request& request, const Prepared& prepared, const std::vector<LightSpot>& spots);
 
   private:
+    [[nodiscard]] LightAtPoints light_at(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
+                                         const std::shared_ptr<const LightVolume>& absorption);
     struct Known {
         std::shared_ptr<const Field> field;
         std::shared_ptr<const PointValues> values;

@@ -129,6 +129,14 @@ void require_part(const Scene& scene) {
     }
 }
 
+void require_light(const Scene& scene) {
+    require_part(scene);
+    if (!scene.part->light) {
+        throw InvalidInput(
+            Complaint{"the light of a part cannot be measured", "no light volumes of the whole", "Part::light", ""});
+    }
+}
+
 } // namespace
 
 Renderer::State::State(const RendererOptions& options) : options_(options), backends_(options.device) {}
@@ -248,6 +256,19 @@ std::vector<LightPiece> Renderer::State::light_pieces(const Request& request, co
     return pieces_of(light, request, prepared, indexed, backends_.cpu());
 }
 
+std::vector<LightSpot> Renderer::State::light_spots(const Request& request, const std::vector<std::size_t>& numbers) {
+    require_light(request.scene);
+    const PollScope polling([&request] { report_progress(request.progress, 0.0); });
+    const Prepared prepared = prepare(request);
+    return prepared.plan.blank ? std::vector<LightSpot>{} : light_probe_.spots(request, prepared, numbers);
+}
+
+LightLines Renderer::State::light_lines(const Request& request, const std::vector<LightSpot>& spots) {
+    require_light(request.scene);
+    const PollScope polling([&request] { report_progress(request.progress, 0.0); });
+    return light_probe_.lines(request, prepare(request), spots);
+}
+
 bool Renderer::State::measure_light(const Request& request, RenderPlan& plan, bool anew) {
     // Nothing of the last scene's fields is kept.
     if (measured_ && measured_->view.scene.fields != request.scene.fields) {
@@ -352,6 +373,18 @@ std::vector<LightPiece> Renderer::light_pieces(const Scene& part, const Camera& 
                                                const LightPlan& light, const Progress& progress) {
     const Outputs none;
     return state_->light_pieces({part, camera, size, none, progress, state_->options()}, light);
+}
+
+std::vector<LightSpot> Renderer::light_spots(const Scene& part, const Camera& camera, Size size,
+                                             const std::vector<std::size_t>& numbers, const Progress& progress) {
+    const Outputs none;
+    return state_->light_spots({part, camera, size, none, progress, state_->options()}, numbers);
+}
+
+LightLines Renderer::light_lines(const Scene& part, const Camera& camera, Size size,
+                                 const std::vector<LightSpot>& spots, const Progress& progress) {
+    const Outputs none;
+    return state_->light_lines({part, camera, size, none, progress, state_->options()}, spots);
 }
 
 LightVolumes Renderer::light_volumes(const LightPlan& light, std::vector<LightVolume> grids,

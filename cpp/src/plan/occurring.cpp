@@ -79,7 +79,9 @@ double most_opaque(const TransferFunction& function, const Range& values) {
 }
 
 Kept kept_by(const Scene& scene, const ViewFacts& view) {
-    const Box supports = supports_world(scene);
+    // Of a whole that is planned, any of its parts stands for all.
+    const bool whole = scene.part && !scene.part->supports.empty();
+    const Box supports = whole ? scene.part->supports : supports_world(scene);
     if (scene.clip.empty() || supports.empty()) {
         return Kept::everything;
     }

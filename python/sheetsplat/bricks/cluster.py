@@ -29,6 +29,7 @@ from sheetsplat.bricks.kernel_source import Columns, Segments, Store
 from sheetsplat.bricks.kernel_survey import KernelSurvey
 from sheetsplat.bricks.levels import LevelStore
 from sheetsplat.bricks.light import light_key, planned_light
+from sheetsplat.bricks.light_error import Probes
 from sheetsplat.bricks.needs import may_dim, may_show, source_key
 from sheetsplat.bricks.partial import Finished, empty, finish
 from sheetsplat.bricks.partition import MERGED, Grouped, Partition, grouped
@@ -36,16 +37,22 @@ from sheetsplat.bricks.probe import Probing
 from sheetsplat.bricks.sources import BrickSource
 from sheetsplat.bricks.statistics import BrickSurvey, SurveyPlan
 from sheetsplat.bricks.tasks import (
+    choose_spots,
     coarsen_one,
     counts_of,
     finish_picture,
     light_brick,
+    light_lines,
+    light_spots,
     make_light,
+    measure_light,
     merge_brick_surveys,
     merge_light,
+    merge_lines,
     merge_parts,
     merge_piece_surveys,
     merge_segments,
+    merge_spots,
     merge_values,
     nothing,
     probe_brick,
@@ -530,6 +537,44 @@ def probe(
     return found
 
 
+class _Light:
+    """The light volumes of a picture: those of the last one, or tasks that make them.
+
+    Attributes
+    ----------
+    light
+        What tasks take.
+    made
+        The task that makes them; None: there are.
+    count
+        How many bricks are asked for it.
+    """
+
+    def __init__(
+        self,
+        tasks: _Tasks,
+        cluster: _Cluster,
+        view: BrickView,
+        field: BrickedField | BrickedKernels,
+        dimming: Sequence[int],
+    ) -> None:
+        self._cluster, self._source = cluster, field.source
+        self._key = light_key(view, source_key(field))
+        self.light: Any = cluster.kept(self._key)
+        self.made: str | None = None
+        self.count = 0
+        if self.light is None:
+            self.count = len(dimming)
+            pieces = [tasks.place("light-brick", light_brick, number) for number in dimming]
+            merged = tasks.merged("merge-light", merge_light, pieces, MERGED)
+            self.light = self.made = tasks.anywhere("make-light", make_light, *merged)
+
+    def keep(self, futures: dict[str, Any]) -> None:
+        """Keep what was made for further pictures: it outlives this one, whose futures do not have it any more."""
+        if self.made is not None:
+            self._cluster.keep(self._key, futures.pop(self.made), self._source)
+
+
 def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) -> Pending:
     """Let the workers of a client begin a picture. Its result is a `Finished` picture, and figures.
 
@@ -554,16 +599,11 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
         if tree is None:
             tasks.anywhere("merge", _blank)
             return tasks.submit()
-        key = None if view.light is None else light_key(view, source_key(field))
-        light = None if key is None else cluster.kept(key)
-        reads = made = None
-        if key is not None and light is None:
-            of_light = len(dimming)
-            pieces = [tasks.place("light-brick", light_brick, number) for number in dimming]
-            light = made = tasks.anywhere(
-                "make-light", make_light, *tasks.merged("merge-light", merge_light, pieces, MERGED)
-            )
-            reads = tasks.anywhere("count-light", counts_of, light)
+        lit = None if view.light is None else _Light(tasks, cluster, view, field, dimming)
+        reads = light = None
+        if lit is not None:
+            light, of_light = lit.light, lit.count
+            reads = None if lit.made is None else tasks.anywhere("count-light", counts_of, light)
         drawn: dict[int, str] = {}
         for number in shown:
             before = (drawn[one] for one in behind.get(number, ()))
@@ -575,9 +615,8 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
         last = [drawn[tree]] if isinstance(tree, int) else map(merged, tree)
         tasks.anywhere("merge", finish_picture, reads, *last)
         futures = tasks.submit()
-        if key is not None and made is not None:
-            # It outlives the picture.
-            cluster.keep(key, futures.pop(made), source)
+        if lit is not None:
+            lit.keep(futures)
         return futures
 
     def convert(found: tuple[Finished, tuple[int, ...]]) -> tuple[Finished, dict[str, float]]:
@@ -593,6 +632,38 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
         }
 
     return Pending(client, source.name, submit, convert)
+
+
+def begin_measure(
+    client: Any, field: BrickedField | BrickedKernels, view: BrickView, opacity: NDArray[np.float32]
+) -> Pending:
+    """Let the workers measure light in a picture with some opacities; the result is that of `Measure`.
+
+    Raises what `begin` does.
+    """
+    view = planned_light(view, field)
+    shown = [number for number in view.order() if may_show(field, view, number)]
+    dimming = [number for number in range(len(view.partition)) if may_dim(field, view, number)]
+    probes = Probes.of(view, opacity)
+
+    def submit(cluster: _Cluster) -> dict[str, Any]:
+        # Light is made from the view alone.
+        before = _Tasks(client, cluster, field.source, view)
+        lit = _Light(before, cluster, view, field, dimming)
+        made = before.submit()
+        lit.keep(made)
+        light = lit.light if lit.made is None else cluster.kept(light_key(view, source_key(field)))
+        tasks = _Tasks(client, cluster, field.source, (view, probes))
+        spots = [tasks.place("light-spots", light_spots, number, light) for number in shown]
+        chosen = tasks.anywhere("choose-spots", choose_spots, *tasks.merged("merge-spots", merge_spots, spots, MERGED))
+        lines = [
+            tasks.place("light-lines", light_lines, number, light, chosen) for number in sorted({*shown, *dimming})
+        ]
+        merged = tasks.merged("merge-lines", merge_lines, lines, MERGED)
+        tasks.anywhere("measure-light", measure_light, chosen, *merged)
+        return made | tasks.submit()
+
+    return Pending(client, field.source.name, submit, lambda one: one)
 
 
 def _blank(view: BrickView) -> tuple[Finished, tuple[int, ...]]:

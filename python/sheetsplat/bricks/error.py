@@ -7,12 +7,13 @@ extrema count in these pictures as they do in any other, so that no error of a b
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetsplat.bricks.light_error import Measure
 from sheetsplat.bricks.partial import Finished, over_background
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.image import ErrorEstimate
@@ -26,14 +27,19 @@ Draw = Callable[[BrickView, "Progress | None"], Finished]
 # Of the error of slices, the share that the picture at half their distance shows: errors of first order leave a half
 # of themselves in both, those of second order a quarter.
 _PLAIN, _SMOOTH = 1.0, 0.75
-# What the plan expects of light that is looked up in volumes: all pictures of a view have it.
+# What the plan expects of light that is looked up in volumes, and is measured: all pictures of a view have it.
 _OF_LIGHT = ("shadows from a volume", "occlusion from a volume")
-# Of all that is done, what the picture at half the slice distance is.
-_HALVED_WORK = 0.5
+# Of all that is done, what the picture at half the slice distance is, and what measuring light is.
+_HALVED_WORK, _LIGHT_WORK = 0.5, 0.1
 
 
 def estimate_error(
-    view: BrickView, plan: RenderPlan, drawn: Finished, draw: Draw, progress: Progress | None = None
+    view: BrickView,
+    plan: RenderPlan,
+    drawn: Finished,
+    draw: Draw,
+    measure: Measure,
+    progress: Progress | None = None,
 ) -> ErrorEstimate:
     """Return the estimated distance of a picture from the converged one.
 
@@ -44,6 +50,8 @@ def estimate_error(
     draw
         Draws further pictures: at half the slice distance without a stop, at the same slices, and without a stop where
         a pixel was finished by it; all in float64.
+    measure
+        Measures light.
     progress
         As for `Renderer.render`.
 
@@ -60,19 +68,28 @@ def estimate_error(
     unstopped = _with(plain, opacity_stop=1.0)
     done = 0.0
 
-    def of(one: BrickView, share: float) -> Finished:
+    def told(share: float) -> Progress | None:
         nonlocal done
         start = done
-        found = draw(one, None if progress is None else lambda part: progress(start + share * part))
         done += share
+        return None if progress is None else lambda part: progress(start + share * part)
+
+    def of(one: BrickView, share: float) -> Finished:
+        found = draw(one, told(share))
         return found if found.rgba is None else replace(found, rgba=over_background(view, found.rgba))
 
+    of_light = {cause: part for cause, part in plan.error_budget.items() if cause in _OF_LIGHT}
+    if of_light:
+        # (Its light volumes are there still.)
+        assert drawn.rgba is not None
+        measured = measure(drawn.rgba[..., 3], told(_LIGHT_WORK))
+        of_light = {cause: part for cause, part in zip(_OF_LIGHT, measured, strict=True) if cause in of_light}
     finer = of(_with(unstopped, slice_spacing=0.5 * view.slice_spacing), _HALVED_WORK)
     stops = not view.is_scalar and float(view.options["opacity_stop"]) < 1.0
     rest = (1.0 - done) / (1.0 + stops)
     exact = of(plain, rest)
     whole = of(unstopped, rest) if stops else exact
-    return _of_pictures(view, plan, drawn, (finer, exact, whole))
+    return _of_pictures(view, plan, drawn, (finer, exact, whole), of_light)
 
 
 def _with(view: BrickView, **options: float) -> BrickView:
@@ -80,7 +97,11 @@ def _with(view: BrickView, **options: float) -> BrickView:
 
 
 def _of_pictures(
-    view: BrickView, plan: RenderPlan, drawn: Finished, further: tuple[Finished, Finished, Finished]
+    view: BrickView,
+    plan: RenderPlan,
+    drawn: Finished,
+    further: tuple[Finished, Finished, Finished],
+    of_light: Mapping[str, float],
 ) -> ErrorEstimate:
     """Return the estimate: `further` are at half the slice distance, in float64, and without a stop."""
     finer, exact, whole = further
@@ -96,7 +117,6 @@ def _of_pictures(
         stopped = _squares(exact, whole, largest)
         budget["opacity stop"] = _root(stopped)
         total = total + stopped
-    of_light = {cause: part for cause, part in plan.error_budget.items() if cause in _OF_LIGHT}
     others = {cause: part for cause, part in plan.error_budget.items() if cause not in _OF_LIGHT}
     arithmetic, foreseen = _root(rounded), math.hypot(*others.values())
     if view.allowed is not None:

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat._checks import Bounds
 from sheetsplat._sheetsplat import LightVolumes
 from sheetsplat.bricks.draw import native_part, renderer_of
 from sheetsplat.bricks.partition import EVERYWHERE
@@ -80,15 +79,10 @@ def planned_light(view: BrickView, field: Field) -> BrickView:
     if not view.is_dimmed:
         return view.replace(light=None)
     native = Scene.of_checked(field, view.transfer_function, view.options).native.with_part(
-        cell=EVERYWHERE, centres=view.whole.centres, depths=view.depths(), in_front=None, supports=_supports(view)
+        cell=EVERYWHERE, centres=view.whole.centres, depths=view.depths(), in_front=None, supports=view.supports()
     )
     renderer = renderer_of(view.settings, "wholes").native
     return view.replace(light=renderer.plan_light(native, view.camera.native, size=view.size))
-
-
-def _supports(view: BrickView) -> Bounds:
-    boxes = np.asarray(view.whole.supports)
-    return tuple(boxes[:, 0].min(axis=0).tolist()), tuple(boxes[:, 1].max(axis=0).tolist())
 
 
 def pieces_of(

@@ -193,7 +193,11 @@ def planned(scene: Scene, view: BrickView) -> tuple[BrickView, RenderPlan]:
         native = native.with_depth_limit(view.depth_limit)
     everywhere = ((-np.inf,) * 3, (np.inf,) * 3)
     native = native.with_part(
-        cell=everywhere, centres=view.whole.centres, depths=view.whole.depths(view.camera), in_front=None
+        cell=everywhere,
+        centres=view.whole.centres,
+        depths=view.whole.depths(view.camera),
+        in_front=None,
+        supports=view.supports(),
     )
     also = {name: name in view.outputs for name in ("coverage", "depth")}
     plan = renderer_of(view.settings, "wholes").native.plan(

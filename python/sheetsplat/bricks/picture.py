@@ -7,12 +7,22 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat._sheetsplat import LightVolumes
 from sheetsplat.bricks.draw import render_bricks, renderer_of
 from sheetsplat.bricks.error import Draw, estimate_error
 from sheetsplat.bricks.light import light_key, light_of, planned_light
+from sheetsplat.bricks.light_error import (
+    Measure,
+    Probes,
+    chosen_spots,
+    errors_of,
+    lines_of,
+    merged_spots,
+    spots_of,
+)
 from sheetsplat.bricks.needs import bricked_field, field_of, may_dim, may_show, planned, source_key, view_of
 from sheetsplat.bricks.partial import Finished
 from sheetsplat.bricks.resident import residents
@@ -51,7 +61,7 @@ class Begun:
         outputs: tuple[str, ...] = (),
         depth_limit: Depths | None = None,
     ) -> None:
-        from sheetsplat.bricks.cluster import begin
+        from sheetsplat.bricks.cluster import begin, begin_measure
 
         self._began, self._scene = time.perf_counter(), scene
         field = bricked_field(scene)
@@ -60,12 +70,15 @@ class Begun:
         self._view, self._plan = planned(scene, view)
         self._pending = begin(client, field, self._view)
         self._draw: Draw = lambda other, progress: begin(client, field, other).result(progress)[0]
+        self._measure: Measure = lambda opacity, progress: begin_measure(client, field, self._view, opacity).result(
+            progress
+        )
 
     def result(self, progress: Progress | None = None) -> Image:
         """Return the picture; raises what reading and drawing a brick raises."""
         finished, stats = self._pending.result(progress)
         stats |= {"total": time.perf_counter() - self._began}
-        return finished_image(self._scene, self._view, self._plan, finished, stats, self._draw)
+        return finished_image(self._scene, self._view, self._plan, finished, stats, self._draw, self._measure)
 
     def cancel(self) -> None:
         """Give it up."""
@@ -115,8 +128,10 @@ def draw(
         finished, stats = _draw_here(field, view, progress)
         stats |= {"total": time.perf_counter() - began}
         image = finished_image(
-            scene, view, plan, finished, stats, lambda other, progress: _draw_here(field, other, progress)[0]
-        )
+            scene, view, plan, finished, stats,
+            lambda other, progress: _draw_here(field, other, progress)[0],
+            lambda opacity, progress: _measure_here(field, view, opacity, progress),
+        )  # fmt: skip
     warn_of_unseen(image, scene)
     return image
 
@@ -148,6 +163,31 @@ def _draw_here(
         "bricks_coarse": float(counts.coarse - coarse),
         "bricks_of_light": float(dimming),
     }
+
+
+def _measure_here(
+    field: BrickedField | BrickedKernels, view: BrickView, opacity: NDArray[np.float32], progress: Progress | None
+) -> tuple[float, float]:
+    """Return the errors of light in a picture with some opacities: see `Measure`."""
+    view, renderer = planned_light(view, field), renderer_of(view.settings)
+
+    def read(number: int) -> Field:
+        return field_of(field.source, view, number)  # type: ignore[arg-type]
+
+    light, _ = _light_here(field, view, read, renderer, progress)
+    probes = Probes.of(view, opacity)
+    shown = [number for number in view.order() if may_show(field, view, number)]
+    dimming = [number for number in range(len(view.partition)) if may_dim(field, view, number)]
+    if light is None:
+        return 0.0, 0.0
+    # The share that is done is not known of bricks.
+    told = None if progress is None else lambda _: progress(0.0)
+    chosen = chosen_spots(
+        view, probes, merged_spots(spots_of(view, one, read(one), renderer, light, probes, told) for one in shown)
+    )
+    asked = sorted({*shown, *dimming})
+    lines = (lines_of(view, one, read(one), renderer, light, chosen, told) for one in asked)
+    return errors_of(probes, chosen, lines)
 
 
 # The light volumes of the last picture of this process, by what they depend on.
@@ -183,8 +223,9 @@ def finished_image(
     finished: Finished,
     stats: dict[str, float],
     draw: Draw,
+    measure: Measure,
 ) -> Image:
-    """Return a picture that was drawn in bricks, with how it was made; `draw` makes further ones for its error."""
+    """Return a picture that was drawn in bricks, with how it was made; `draw` and `measure` are for its error."""
     samples = scene.supersampling
     width, height = view.size[0] // samples, view.size[1] // samples
     limit = None if view.depth_limit is None else view.depth_limit[::samples, ::samples]
@@ -205,6 +246,6 @@ def finished_image(
         depth_limit=limit,
         scene=scene,
         estimate=lambda progress: estimate_error(
-            view, plan, arrays, lambda other, told: averaged(draw(other, told), samples), progress
+            view, plan, arrays, lambda other, told: averaged(draw(other, told), samples), measure, progress
         ),
     )

@@ -17,6 +17,17 @@ from sheetsplat.bricks.kernel_survey import KernelSurvey, merge_kernel_surveys, 
 from sheetsplat.bricks.kernel_survey import survey_of as survey_of_piece
 from sheetsplat.bricks.levels import LevelStore, coarsen_brick
 from sheetsplat.bricks.light import light_volumes, merged_pieces, pieces_of
+from sheetsplat.bricks.light_error import (
+    Lines,
+    Probes,
+    Spots,
+    chosen_spots,
+    errors_of,
+    lines_of,
+    merged_lines,
+    merged_spots,
+    spots_of,
+)
 from sheetsplat.bricks.needs import field_of
 from sheetsplat.bricks.partial import Finished, Partial, finish, merge
 from sheetsplat.bricks.partition import Partition
@@ -169,6 +180,42 @@ def make_light(view: BrickView, *parts: Lit) -> Lit:
 def counts_of(_: Any, light: Lit) -> tuple[int, int]:
     """Return how much was read for light: reads, and bytes."""
     return light.reads, light.bytes_read
+
+
+def light_spots(shared: tuple[BrickView, Probes], source: Any, number: int, light: Lit) -> Spots:
+    """Return what a brick shows at some pixels."""
+    view, probes = shared
+    with naming(_brick_text(source, view.partition, number)):
+        field, renderer = field_of(source, view, number), renderer_of(view.settings)
+        return spots_of(view, number, field, renderer, light.light, probes, is_wanted)
+
+
+def merge_spots(_: Any, *parts: Spots) -> Spots:
+    """Return what several bricks show."""
+    return merged_spots(parts)
+
+
+def choose_spots(shared: tuple[BrickView, Probes], *parts: Spots) -> Spots:
+    """Return the points from which lines to the lights are looked at."""
+    return chosen_spots(*shared, merged_spots(parts))
+
+
+def light_lines(shared: tuple[BrickView, Probes], source: Any, number: int, light: Lit, chosen: Spots) -> Lines:
+    """Return what a brick leaves of light on lines from points."""
+    view, _ = shared
+    with naming(_brick_text(source, view.partition, number)):
+        field, renderer = field_of(source, view, number), renderer_of(view.settings)
+        return lines_of(view, number, field, renderer, light.light, chosen, is_wanted)
+
+
+def merge_lines(_: Any, *parts: Lines) -> Lines:
+    """Return what several bricks leave of light."""
+    return merged_lines(parts)
+
+
+def measure_light(shared: tuple[BrickView, Probes], chosen: Spots, *parts: Lines) -> tuple[float, float]:
+    """Return the errors of shadows and of ambient occlusion."""
+    return errors_of(shared[1], chosen, parts)
 
 
 def survey_brick(shared: tuple[Partition, SurveyPlan], source: BrickSource, number: int) -> BrickSurvey:

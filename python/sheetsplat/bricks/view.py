@@ -199,6 +199,11 @@ class BrickView:
         """The points that are drawn of all bricks, (N, 2, 3)."""
         return np.asarray([brick.cell for brick in self.partition.bricks]) + _MOVED * self.slice_spacing
 
+    def supports(self) -> Bounds:
+        """Return the box of all supports of the whole."""
+        boxes = np.asarray(self.whole.supports)
+        return tuple(boxes[:, 0].min(axis=0).tolist()), tuple(boxes[:, 1].max(axis=0).tolist())
+
     def depths(self) -> tuple[float, float]:
         """Return the nearest and the farthest depth that kernels of the whole reach."""
         return self._depths

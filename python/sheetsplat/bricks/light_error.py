@@ -1,0 +1,233 @@
+"""How far light in a picture in bricks is from its definition: measured at points that the picture shows.
+
+The same measurement as that of one process (``cpp/src/engine/light_error.cpp``), in two rounds over the bricks: lines
+from points to the lights leave the brick that the points are in. Each brick says what it shows at some pixels; from
+these points are chosen; then each brick says what it leaves of light on its part of the lines from them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat._sheetsplat import LightVolumes, light_reserve, probe_pixels
+from sheetsplat.bricks.draw import native_part
+from sheetsplat.bricks.view import BrickView
+from sheetsplat.fields import Field
+from sheetsplat.options.renderer import Progress
+from sheetsplat.renderer import Renderer
+
+Floats = NDArray[np.float64]
+
+#: Measures shadows and ambient occlusion, root mean square errors, of a picture with some opacities, (h, w).
+Measure = Callable[[NDArray[np.float32], "Progress | None"], tuple[float, float]]
+
+# Columns of tables of spots (`LightSpot` of the native part).
+_NUMBER, _SLICE, _BEHIND, _SHARE, _CHANCES, _OCCLUSION, _OWN, _COLUMNS = 0, 1, 2, 7, (8, 9), 10, 11, 12
+# Red, green and blue that a light adds at most, and how much of it is shown.
+_SHOWN = 4
+# Of the squares of means, which have a share of chance, what is stated at least.
+_LEAST = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Probes:
+    """The pixels that are looked at.
+
+    Attributes
+    ----------
+    numbers
+        Those that show something, in the order in which pixels are tried.
+    tried
+        How many were.
+    every
+        One of so many is looked at for occlusion.
+    points
+        Points of a pixel, on the average.
+    """
+
+    numbers: tuple[int, ...]
+    tried: int
+    every: int
+    points: float
+
+    @classmethod
+    def of(cls, view: BrickView, opacity: NDArray[np.float32]) -> Probes:
+        """Return the pixels of a view whose picture, perhaps of fewer pixels, has some opacities."""
+        pixels, wanted, batch, every, points = probe_pixels(size=view.size, surfaces=view.mode == "isosurface")
+        samples = max(1, view.size[0] // opacity.shape[1])
+        seen = opacity[pixels[:, 1] // samples, pixels[:, 0] // samples] > 0.0
+        enough = int(np.searchsorted(np.cumsum(seen), wanted)) + 1
+        tried = min(len(pixels), math.ceil(enough / batch) * batch)
+        return cls(tuple(np.flatnonzero(seen[:tried]).tolist()), tried, every, points)
+
+
+@dataclass(frozen=True, eq=False)
+class Spots:
+    """Points that pixels show.
+
+    Attributes
+    ----------
+    table
+        A row a point.
+    bricks
+        The brick that each is in.
+    shares
+        Of the points that were chosen, (K, 2): what each stands for in its pixel, twice, by chances of their own.
+    """
+
+    table: Floats
+    bricks: NDArray[np.int64]
+    shares: Floats | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """What bricks leave of light on lines from points.
+
+    Attributes
+    ----------
+    is_absorbed
+        Whether `left` has sums, of which 2 ** -sum is left of light, in place of products.
+    lights
+        How many lights cast shadows.
+    left
+        Of each point, towards each light, and around it.
+    shown
+        Of each point, for each light and for what is open around it, the colour that all of it adds, and how much of it
+        the picture shows.
+    """
+
+    is_absorbed: bool
+    lights: int
+    left: Floats
+    shown: Floats
+
+
+def spots_of(
+    view: BrickView, number: int, field: Field, renderer: Renderer, light: LightVolumes, probes: Probes,
+    progress: Progress | None = None,
+) -> Spots:  # fmt: skip
+    """Return what a brick shows at pixels; raises what `draw_brick` does."""
+    native = native_part(view, number, field, view.depths(), light=light)
+    table = renderer.native.light_spots(
+        native, view.camera.native, size=view.size, numbers=list(probes.numbers), progress=progress
+    )
+    return Spots(table, np.full(len(table), number, np.int64))
+
+
+def merged_spots(parts: Iterable[Spots]) -> Spots:
+    """Return the points of several bricks."""
+    found = [Spots(np.zeros((0, _COLUMNS)), np.zeros(0, np.int64)), *parts]
+    return Spots(np.concatenate([one.table for one in found]), np.concatenate([one.bricks for one in found]))
+
+
+def chosen_spots(view: BrickView, probes: Probes, spots: Spots) -> Spots:
+    """Return points at equal steps of what they add to their pixels, of those of all bricks."""
+    table, bricks = spots.table, spots.bricks
+    order = np.lexsort((table[:, _SLICE] + table[:, _BEHIND], table[:, _NUMBER]))
+    table, bricks = table[order], bricks[order]
+    starts = np.flatnonzero(np.diff(table[:, _NUMBER], prepend=-1.0))
+    rows, shares = [], []
+    for first, last in zip(starts.tolist(), [*starts[1:].tolist(), len(table)], strict=True):
+        seen = _shares_of(table[first:last, _SHARE], bricks[first:last], float(view.options["opacity_stop"]))
+        taken = _steps_of(seen, table[first, _CHANCES].tolist(), probes.points)
+        there = np.flatnonzero(taken.any(axis=1))
+        rows.append(first + there)
+        shares.append(taken[there])
+    if not rows:
+        return Spots(table[:0], bricks[:0], np.zeros((0, 2)))
+    at = np.concatenate(rows)
+    return Spots(table[at], bricks[at], np.concatenate(shares))
+
+
+def _shares_of(shares: Floats, bricks: NDArray[np.int64], stop: float) -> Floats:
+    """Return what points of a pixel, from front to back, add to it; those behind the stop add nothing."""
+    found = shares.copy()
+    left = 1.0
+    for first in np.flatnonzero(np.diff(bricks, prepend=-1)).tolist():
+        run = np.flatnonzero(bricks[first:] != bricks[first])
+        last = first + int(run[0]) if run.size else len(bricks)
+        found[first:last] *= left
+        left *= 1.0 - shares[first:last].sum()
+    found[np.cumsum(found) - found >= stop] = 0.0
+    return found
+
+
+def _steps_of(shares: Floats, chances: Sequence[float], points: float) -> Floats:
+    """Return what each point stands for, twice, (M, 2): a step, or itself where it adds more than one."""
+    step = 2.0 * shares.sum() / points
+    found = np.repeat(shares[:, None], 2, axis=1)
+    small = shares < step
+    for half, chance in enumerate(chances):
+        passed = chance * step + np.cumsum(shares[small])
+        crossed = np.floor(passed / step) > np.floor((passed - shares[small]) / step) if step > 0.0 else passed < 0.0
+        found[small, half] = np.where(crossed, step, 0.0)
+    return found
+
+
+def lines_of(
+    view: BrickView, number: int, field: Field, renderer: Renderer, light: LightVolumes, chosen: Spots,
+    progress: Progress | None = None,
+) -> Lines:  # fmt: skip
+    """Return what a brick leaves of light on lines from points; raises what `draw_brick` does."""
+    native = native_part(view, number, field, view.depths(), light=light)
+    table = chosen.table.copy()
+    table[:, _OWN] = chosen.bricks == number
+    found = renderer.native.light_lines(native, view.camera.native, size=view.size, spots=table, progress=progress)
+    return Lines(*found)
+
+
+def merged_lines(parts: Iterable[Lines]) -> Lines:
+    """Return what several bricks leave together."""
+    first, *others = parts
+    for one in others:
+        left = first.left + one.left if first.is_absorbed else first.left * one.left
+        first = replace(first, left=left, shown=first.shown + one.shown)
+    return first
+
+
+def errors_of(probes: Probes, chosen: Spots, parts: Iterable[Lines]) -> tuple[float, float]:
+    """Return root mean square errors of shadows and of ambient occlusion over the picture, of what all bricks leave."""
+    if not len(chosen.table):
+        return 0.0, 0.0
+    assert chosen.shares is not None
+    lines = merged_lines(parts)
+    left = 2.0**-lines.left if lines.is_absorbed else lines.left
+    lights = lines.lights
+    shown = lines.shown.reshape(len(left), -1, _SHOWN)
+    bright = shown[:, :lights, :3] * (shown[:, :lights, 3] - left[:, :lights])[:, :, None]
+    shadows = bright.sum(axis=1)
+    numbers, pixel = np.unique(chosen.table[:, _NUMBER], return_inverse=True)
+    occlusion = np.zeros_like(shadows)
+    if shown.shape[1] > lights:
+        asked = chosen.table[:, _OCCLUSION] > 0.0
+        off = shown[:, lights, 3] - left[:, lights:].mean(axis=1)
+        occlusion = np.where(asked[:, None], shown[:, lights, :3] * off[:, None], 0.0)
+
+    def halves(colors: Floats) -> tuple[Floats, Floats]:
+        one, other = np.zeros((2, len(numbers), 3))
+        np.add.at(one, pixel, chosen.shares[:, :1] * colors)  # type: ignore[index]
+        np.add.at(other, pixel, chosen.shares[:, 1:] * colors)  # type: ignore[index]
+        return one, other
+
+    beside = numbers % probes.every == 0
+    darker, closer, both = halves(shadows), halves(occlusion), halves(shadows + occlusion)
+    there = [_square_sum(*(half[beside] for half in one)) for one in (darker, closer, both)]
+    # Where both are too bright at the same points their errors add up, and so must the squares of what is stated.
+    apart = there[0] + there[1]
+    more = max(1.0, math.sqrt(there[2] / apart)) if apart > 0.0 else 1.0
+    # Of four channels, of which opacity is right.
+    channels = 4.0 * probes.tried
+    scale = light_reserve * more / math.sqrt(channels)
+    return scale * math.sqrt(_square_sum(*darker)), scale * math.sqrt(there[1] * probes.every)
+
+
+def _square_sum(one: Floats, other: Floats) -> float:
+    """Return the sum of squares of numbers that are known twice, independently: see `SquareSum` of the native part."""
+    mean = 0.5 * (one + other)
+    return max(float((one * other).sum()), _LEAST * float((mean * mean).sum()))

@@ -12,6 +12,7 @@ from bricked_volumes import SIZE as PICTURE
 from bricks_in_memory import BOUND, LIT, Bricked, camera_of, differences, field_named, light_in_bricks, whole_picture
 
 import sheetsplat as ss
+from sheetsplat.bricks import light_error
 from sheetsplat.bricks.draw import render_bricks, renderer_of
 from sheetsplat.bricks.light import light_of, merged_pieces, pieces_of, planned_light
 from sheetsplat.bricks.resident import residents
@@ -221,6 +222,28 @@ def test_light_is_measured_in_bricks_as_in_one_process(samples: Any, options: di
     assert max(wanted) > 0.0
     # Points lie in other slices where rounding decides.
     np.testing.assert_allclose(found, wanted, rtol=0.02)
+
+
+@pytest.mark.parametrize("options", MEASURED[:2])
+def test_few_points_of_each_brick_stand_for_all(
+    samples: Any, options: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options = {"size": (90, 80), "azimuth": 35, "backend": "cpu", "quality": "draft", **options}
+    wanted, kept = [], []
+    for most in (10**9, 8):
+        monkeypatch.setattr(light_error, "_MOST", most)
+        thinned = light_error._thinned
+
+        def counted(table: Any, thinned: Any = thinned) -> Any:
+            found = thinned(table)
+            kept.append(len(found) / max(1, len(table)))
+            return found
+
+        with monkeypatch.context() as patch:
+            patch.setattr(light_error, "_thinned", counted)
+            wanted.append(_stated(ss.render(ss.open_bricks(samples, brick=24, quality="draft"), **options)))
+    assert min(kept) < 0.8 and max(kept) == 1.0
+    np.testing.assert_allclose(wanted[1], wanted[0], rtol=0.25)
 
 
 def test_light_among_scattered_kernels_is_measured_in_bricks(rng: np.random.Generator) -> None:

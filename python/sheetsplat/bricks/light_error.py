@@ -7,9 +7,11 @@ these points are chosen; then each brick says what it leaves of light on its par
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +29,11 @@ Floats = NDArray[np.float64]
 Measure = Callable[[NDArray[np.float32], "Progress | None"], tuple[float, float]]
 
 # Columns of tables of spots (`LightSpot` of the native part).
-_NUMBER, _SLICE, _BEHIND, _SHARE, _CHANCES, _OCCLUSION, _OWN, _COLUMNS = 0, 1, 2, 7, (8, 9), 10, 11, 12
+_NUMBER, _SLICE, _BEHIND, _SHARE, _CHANCES, _OCCLUSION, _OWN, _COLUMNS = 0, 1, 2, 7, [8, 9], 10, 11, 12
 # Red, green and blue that a light adds at most, and how much of it is shown.
 _SHOWN = 4
+# Points of a pixel in a brick that are handed on: of more, some stand for all.
+_MOST = 128
 # Of the squares of means, which have a share of chance, what is stated at least.
 _LEAST = 0.25
 
@@ -117,7 +121,27 @@ def spots_of(
     table = renderer.native.light_spots(
         native, view.camera.native, size=view.size, numbers=list(probes.numbers), progress=progress
     )
+    table = _thinned(table)
     return Spots(table, np.full(len(table), number, np.int64))
+
+
+def _runs(numbers: NDArray[Any]) -> Iterator[tuple[int, int]]:
+    """Yield the first of equal numbers in a row, and the one behind the last."""
+    yield from itertools.pairwise(np.flatnonzero(np.diff(numbers, prepend=-1, append=-1)).tolist())
+
+
+def _thinned(table: Floats) -> Floats:
+    """Return the points of pixels with few; of others some, at equal steps of what they add, which add as much."""
+    kept = []
+    for first, last in _runs(table[:, _NUMBER]):
+        part = table[first:last]
+        if len(part) > _MOST:
+            shares = part[:, _SHARE]
+            taken = _steps_of(shares, shares.sum() / _MOST, part[0, _CHANCES[0]] + part[0, _CHANCES[1]])
+            part = part[taken > 0.0]
+            part[:, _SHARE] = taken[taken > 0.0] * (shares.sum() / taken.sum())
+        kept.append(part)
+    return np.concatenate(kept) if kept else table
 
 
 def merged_spots(parts: Iterable[Spots]) -> Spots:
@@ -131,11 +155,11 @@ def chosen_spots(view: BrickView, probes: Probes, spots: Spots) -> Spots:
     table, bricks = spots.table, spots.bricks
     order = np.lexsort((table[:, _SLICE] + table[:, _BEHIND], table[:, _NUMBER]))
     table, bricks = table[order], bricks[order]
-    starts = np.flatnonzero(np.diff(table[:, _NUMBER], prepend=-1.0))
     rows, shares = [], []
-    for first, last in zip(starts.tolist(), [*starts[1:].tolist(), len(table)], strict=True):
+    for first, last in _runs(table[:, _NUMBER]):
         seen = _shares_of(table[first:last, _SHARE], bricks[first:last], float(view.options["opacity_stop"]))
-        taken = _steps_of(seen, table[first, _CHANCES].tolist(), probes.points)
+        step = 2.0 * seen.sum() / probes.points
+        taken = np.stack([_steps_of(seen, step, chance) for chance in table[first, _CHANCES].tolist()], axis=1)
         there = np.flatnonzero(taken.any(axis=1))
         rows.append(first + there)
         shares.append(taken[there])
@@ -149,24 +173,20 @@ def _shares_of(shares: Floats, bricks: NDArray[np.int64], stop: float) -> Floats
     """Return what points of a pixel, from front to back, add to it; those behind the stop add nothing."""
     found = shares.copy()
     left = 1.0
-    for first in np.flatnonzero(np.diff(bricks, prepend=-1)).tolist():
-        run = np.flatnonzero(bricks[first:] != bricks[first])
-        last = first + int(run[0]) if run.size else len(bricks)
+    for first, last in _runs(bricks):
         found[first:last] *= left
         left *= 1.0 - shares[first:last].sum()
     found[np.cumsum(found) - found >= stop] = 0.0
     return found
 
 
-def _steps_of(shares: Floats, chances: Sequence[float], points: float) -> Floats:
-    """Return what each point stands for, twice, (M, 2): a step, or itself where it adds more than one."""
-    step = 2.0 * shares.sum() / points
-    found = np.repeat(shares[:, None], 2, axis=1)
+def _steps_of(shares: Floats, step: float, chance: float) -> Floats:
+    """Return what points stand for: 0, a step, the first one of which is shorter by chance, or all of a longer one."""
+    found = shares.copy()
     small = shares < step
-    for half, chance in enumerate(chances):
-        passed = chance * step + np.cumsum(shares[small])
-        crossed = np.floor(passed / step) > np.floor((passed - shares[small]) / step) if step > 0.0 else passed < 0.0
-        found[small, half] = np.where(crossed, step, 0.0)
+    if small.any():
+        passed = chance + np.cumsum(shares[small]) / step
+        found[small] = np.where(np.floor(passed) > np.floor(passed - shares[small] / step), step, 0.0)
     return found
 
 

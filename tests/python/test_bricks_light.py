@@ -151,7 +151,12 @@ LOOKS: tuple[dict[str, Any], ...] = (
     {"mode": "isosurface", "shadows": True, "ambient_occlusion": True},
     # What is left has no sample of the first ones.
     {"shadows": True, "ambient_occlusion": True, "clip": ss.Clip(planes=[((0.3, 0.2, 1.0), 25.0)])},
-    {"mode": "isosurface", "shadows": True, "clip": ss.Clip(box=((18.0, 0.0, 0.0), (60.0, 60.0, 60.0)))},
+    {
+        "mode": "isosurface",
+        "shadows": True,
+        "clip": ss.Clip(box=((18.0, 0.0, 0.0), (60.0, 60.0, 60.0))),
+        "background": (1.0, 0.4, 0.2),
+    },
 )
 
 
@@ -246,14 +251,18 @@ def test_few_points_of_each_brick_stand_for_all(
     np.testing.assert_allclose(wanted[1], wanted[0], rtol=0.25)
 
 
-def test_light_among_scattered_kernels_is_measured_in_bricks(rng: np.random.Generator) -> None:
+@pytest.mark.parametrize("projection", ["orthographic", "perspective"])
+def test_light_among_scattered_kernels_is_measured_in_bricks(rng: np.random.Generator, projection: str) -> None:
     centers = rng.uniform(-1.0, 1.0, (400, 3))
     field = ss.EllipsoidField(centers, np.full(400, 0.3), values=rng.uniform(0.0, 1.0, 400), w0=0.1)
     options = {"size": (50, 40), "azimuth": 35, "backend": "cpu", "shadows": True, "ambient_occlusion": True}
+    options["projection"] = projection
     bricked = ss.open_bricks(field, brick_kernels=60)
     image = ss.render(bricked, **options)
     assert image.stats["bricks"] > 4
-    wanted = _stated(ss.render(field, **options, slice_spacing=image.plan.slice_spacing))
+    whole = ss.render(field, **options, slice_spacing=image.plan.slice_spacing)
+    assert rmse(image, whole) <= ROUNDING
+    wanted = _stated(whole)
     assert min(wanted) > 0.0
     np.testing.assert_allclose(_stated(image), wanted, rtol=0.02)
 

@@ -81,17 +81,33 @@ DrawPlan through_group(const DrawPlan& plan, const Scene& scene, const Group& gr
     return made;
 }
 
+/// Width of a pixel where the box of all supports is nearest. (The nearest kernel may be farther, which only those who
+/// have all of them know.)
+double smallest_pixel(const Frame& frame, const Camera& camera, const Box& supports) {
+    if (frame.projection == Projection::orthographic) {
+        return frame.pixel;
+    }
+    double nearest = std::numeric_limits<double>::infinity();
+    for (int corner = 0; corner < 8; ++corner) {
+        const Vec3 at((corner & 1) != 0 ? supports.upper.x : supports.lower.x,
+                      (corner & 2) != 0 ? supports.upper.y : supports.lower.y,
+                      (corner & 4) != 0 ? supports.upper.z : supports.lower.z);
+        nearest = std::min(nearest, -camera.to_eye(at).z);
+    }
+    return frame.pixel * std::max(nearest, frame.near);
+}
+
 /// Step of the grids on which light is kept: a slice distance, or twice, four times ... as much where pixels are
 /// larger. Few different values, so that a camera that moves a little closer can use the same volumes.
-double light_step(const Frame& frame) {
-    const double pixels = std::clamp(frame.smallest_pixel() / frame.slice_spacing, 1.0, 1e6);
+double light_step(const Frame& frame, double pixel) {
+    const double pixels = std::clamp(pixel / frame.slice_spacing, 1.0, 1e6);
     return frame.slice_spacing * std::exp2(std::floor(std::log2(pixels)));
 }
 
 /// Grid step of ambient occlusion, which is a mean over directions and may be coarser: a quarter of its radius, up to
-/// two slice distances or half of the step that pixels call for.
-double open_step(const Frame& frame, double steps) {
-    const double most = std::max(2.0, 0.5 * light_step(frame) / frame.slice_spacing);
+/// two slice distances or half of the step that pixels call for, `light`.
+double open_step(const Frame& frame, double steps, double light) {
+    const double most = std::max(2.0, 0.5 * light / frame.slice_spacing);
     return frame.slice_spacing * std::exp2(std::floor(std::log2(std::clamp(0.25 * steps, 1.0, most))));
 }
 
@@ -350,18 +366,18 @@ LightPlan make_light_plan(const Request& request, const Prepared& prepared, cons
         light.grids.push_back(grid);
         return light.grids.size() - 1;
     };
+    const double usual = light_step(frame, smallest_pixel(frame, request.camera, supports));
     if (prepared.plan.shadows) {
         for (const Light& one : scene.lights) {
             light.lights.push_back(world_direction(one, request.camera));
         }
-        light.light_grid = grid_of(light_step(frame));
+        light.light_grid = grid_of(usual);
     }
     if (prepared.plan.ambient_occlusion) {
         light.radius = occlusion_steps(*scene.ambient_occlusion, frame.slice_spacing);
-        const double step = open_step(frame, light.radius);
+        const double step = open_step(frame, light.radius, usual);
         // From a grid twice as fine where slices are, and there is none of this step.
-        light.open_is_halved =
-            !(prepared.plan.shadows && light_step(frame) == step) && step >= 2.0 * frame.slice_spacing;
+        light.open_is_halved = !(prepared.plan.shadows && usual == step) && step >= 2.0 * frame.slice_spacing;
         light.open_grid = grid_of(light.open_is_halved ? 0.5 * step : step);
     }
     return light;

@@ -74,17 +74,28 @@ def estimate_error(
         done += share
         return None if progress is None else lambda part: progress(start + share * part)
 
-    def of(one: BrickView, share: float) -> Finished:
-        found = draw(one, told(share))
-        return found if found.rgba is None else replace(found, rgba=over_background(view, found.rgba))
+    # Over a background all is opaque.
+    opacity = None if drawn.rgba is None or view.options["background"] is not None else drawn.rgba[..., 3]
 
-    of_light = {cause: part for cause, part in plan.error_budget.items() if cause in _OF_LIGHT}
-    if of_light:
-        # (Its light volumes are there still.)
-        assert drawn.rgba is not None
-        measured = measure(drawn.rgba[..., 3], told(_LIGHT_WORK))
-        of_light = {cause: part for cause, part in zip(_OF_LIGHT, measured, strict=True) if cause in of_light}
+    def of(one: BrickView, share: float) -> Finished:
+        nonlocal opacity
+        found = draw(one, told(share))
+        if found.rgba is None:
+            return found
+        opacity = found.rgba[..., 3] if opacity is None else opacity
+        return replace(found, rgba=over_background(view, found.rgba))
+
+    def measured() -> dict[str, float]:
+        if opacity is None or not expected:
+            return {}
+        found = zip(_OF_LIGHT, measure(opacity, told(_LIGHT_WORK)), strict=True)
+        return {cause: part for cause, part in found if cause in expected}
+
+    expected = [cause for cause in _OF_LIGHT if cause in plan.error_budget]
+    # (The picture's light volumes are there still.)
+    of_light = measured()
     finer = of(_with(unstopped, slice_spacing=0.5 * view.slice_spacing), _HALVED_WORK)
+    of_light = of_light or measured()
     stops = not view.is_scalar and float(view.options["opacity_stop"]) < 1.0
     rest = (1.0 - done) / (1.0 + stops)
     exact = of(plain, rest)

@@ -307,10 +307,10 @@ void register_renderer(py::module_& module) {
             const ProbePixels probes = probe_pixels({size[0], size[1]}, surfaces);
             py::array_t<int> pixels({probes.pixels.size(), std::size_t{2}});
             std::copy_n(probes.pixels.front().data(), 2 * probes.pixels.size(), pixels.mutable_data());
-            return py::make_tuple(pixels, probes.wanted, probes.batch, probes.every_occlusion, probes.points);
+            return py::make_tuple(pixels, probes.wanted, probes.batch, probes.every_occlusion, probes.points,
+                                  light_reserve);
         },
         py::kw_only(), py::arg("size"), py::arg("surfaces"));
-    module.attr("light_reserve") = light_reserve;
     py::class_<Stages>(module, "Stages").def_property_readonly("done", &Stages::done);
     py::class_<LockedRenderer>(module, "Renderer")
         .def(py::init(&make_renderer), py::kw_only(), py::arg("backend"), py::arg("device"), py::arg("precision"),

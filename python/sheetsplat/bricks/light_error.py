@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat._sheetsplat import LightVolumes, light_reserve, probe_pixels
+from sheetsplat._sheetsplat import LightVolumes, probe_pixels
 from sheetsplat.bricks.draw import native_part
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.fields import Field
@@ -52,22 +52,25 @@ class Probes:
         One of so many is looked at for occlusion.
     points
         Points of a pixel, on the average.
+    reserve
+        What is stated over what is measured.
     """
 
     numbers: tuple[int, ...]
     tried: int
     every: int
     points: float
+    reserve: float
 
     @classmethod
     def of(cls, view: BrickView, opacity: NDArray[np.float32]) -> Probes:
         """Return the pixels of a view whose picture, perhaps of fewer pixels, has some opacities."""
-        pixels, wanted, batch, every, points = probe_pixels(size=view.size, surfaces=view.mode == "isosurface")
+        pixels, wanted, batch, every, points, reserve = probe_pixels(size=view.size, surfaces=view.mode == "isosurface")
         samples = max(1, view.size[0] // opacity.shape[1])
         seen = opacity[pixels[:, 1] // samples, pixels[:, 0] // samples] > 0.0
         enough = int(np.searchsorted(np.cumsum(seen), wanted)) + 1
         tried = min(len(pixels), math.ceil(enough / batch) * batch)
-        return cls(tuple(np.flatnonzero(seen[:tried]).tolist()), tried, every, points)
+        return cls(tuple(np.flatnonzero(seen[:tried]).tolist()), tried, every, points, reserve)
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,7 +246,7 @@ def errors_of(probes: Probes, chosen: Spots, parts: Iterable[Lines]) -> tuple[fl
     more = max(1.0, math.sqrt(there[2] / apart)) if apart > 0.0 else 1.0
     # Of four channels, of which opacity is right.
     channels = 4.0 * probes.tried
-    scale = light_reserve * more / math.sqrt(channels)
+    scale = probes.reserve * more / math.sqrt(channels)
     return scale * math.sqrt(_square_sum(*darker)), scale * math.sqrt(there[1] * probes.every)
 
 

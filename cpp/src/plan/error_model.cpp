@@ -216,6 +216,37 @@ double ratio_from_pivots(const Scene& scene, const DrawPlan& plan, double resolv
     return ratio;
 }
 
+double noise_of_lit_sums(const Scene& scene, const ViewFacts& view, const DrawPlan& plan, const SumFacts& sums,
+                         double magnified) {
+    double noise = 0.0;
+    for (const Group& group : groups_drawn(scene)) {
+        double largest = 0.0, spread = 0.0, change = std::numeric_limits<double>::infinity();
+        for (std::size_t number = group.first; number < group.last; ++number) {
+            const Field& field = *scene.fields[number];
+            const Amounts amounts = amounts_of(field, view);
+            spread = std::max(spread, amounts.high - amounts.low);
+            if (field.normalization() == Normalization::threshold || field.size() == 0) {
+                continue;
+            }
+            const RegularField* lattice = as_regular(&field);
+            const bool as_summed = lattice != nullptr && field.normalization() == Normalization::none;
+            const double scale = as_summed ? lattice->lattice_constant() : 1.0;
+            largest = std::max(largest, scale * amounts.largest);
+            const auto found = view.least_changes.find(&field);
+            // Wider kernels even values out.
+            const double evened = lattice != nullptr ? std::max(1.0, 0.5 * lattice->options().radius) : 1.0;
+            change =
+                std::min(change, found != view.least_changes.end() ? found->second * scale / (evened * evened) : 0.0);
+        }
+        if (largest > 0.0) {
+            const double resolved = plan.mode == Mode::isosurface && spread > 0.0 ? spread : plan.unit_of(group.first);
+            noise = std::max(noise, std::max(1.0, largest / resolved) /
+                                        std::sqrt(std::clamp(change / resolved, least_change_lit, 1.0)));
+        }
+    }
+    return noise * std::pow(magnified, 1.5) * std::sqrt(std::max(1.0, sums.crowd / usual_overlap));
+}
+
 double weights_in_slabs(Sampling sampling, const SumFacts& sums) {
     return sampling == Sampling::slab ? sums.weight_range * std::max(1.0, sums.ratio) : 0.0;
 }

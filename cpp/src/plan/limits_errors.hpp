@@ -13,6 +13,9 @@ constexpr double gradient_noise = 1.0;
 constexpr double gradient_noise_16 = 2.0;
 constexpr double quotient_noise_16 = 10.0;
 
+/// Change of values between neighbouring samples, over the window, below which gradients show no more noise.
+constexpr double least_change_lit = 0.003;
+
 // ---- light looked up in volumes (test: test_shadows_and_occlusion_within_the_stated_error)
 
 /// Root mean square error over what a step takes away, where the smallest kernels reach over two steps of the grid and

@@ -70,12 +70,6 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
     if (view.kernels.all == 0 || view.frame.slices == 0) {
         return "";
     }
-    if (plan.gradient && !plan.analytic_gradient &&
-        view.frame.smallest_step() < fine_gradient_below * view.frame.reference_length) {
-        return "a pixel of " + number(view.frame.smallest_pixel) + " or a slice spacing of " +
-               number(view.frame.slice_spacing) + " is below an eighth of " + ell +
-               ": differences of float32 sums would lose the gradient";
-    }
     if (plan.gradient && plan.mode == Mode::composite && has_window_of_one_value(scene)) {
         return "the transfer function has one value, so that gradients of any strength are lit (section 6)";
     }
@@ -132,9 +126,10 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
                    number(ratio) + " times the range of the transfer function from their middle";
         }
     }
-    // Distance over which gradients change: of neighbouring samples, or of derivatives over kernels.
-    const double change =
-        plan.analytic_gradient ? view.screen_px.smallest * view.frame.smallest_pixel : view.frame.smallest_step();
+    // Distance over which gradients change: of neighbouring samples, whose differences count more along oblique rays
+    // (conventions, section 5), or of derivatives over kernels.
+    const double change = plan.analytic_gradient ? view.screen_px.smallest * view.frame.smallest_pixel
+                                                 : view.frame.smallest_step() / view.frame.largest_slant;
     const double magnified = std::max(1.0, view.frame.reference_length / change);
     const double crowd = std::max(sums.overlap, view.overlap.densest);
     const double most_noise =
@@ -144,6 +139,15 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
         return "lit quotients of the sums of " + number(crowd) + " overlapping kernels, with values up to " +
                number(sums.ratio) + " times the range of the transfer function and " + number(magnified) +
                " pixels or slice spacings to a reference length, would be noisy in float32";
+    }
+    const double lit_noise =
+        plan.gradient && !plan.analytic_gradient ? noise_of_lit_sums(scene, view, plan, sums, magnified) : 0.0;
+    if (lit_noise > (sums.steepness > limits::gentle_steepness ? limits::largest_steep_noise_of_sums
+                                                               : limits::largest_noise_of_sums)) {
+        return "a pixel of " + number(view.frame.smallest_pixel) + " or a slice spacing of " +
+               number(view.frame.slice_spacing) + " beside " + ell + ", with values up to " + number(sums.ratio) +
+               " times the range of the transfer function: differences of float32 sums would lose the gradient where "
+               "values hardly change";
     }
     const double alike = view.overlap.alike * std::max(1.0, sums.ratio);
     if (alike > limits::most_alike || (lights_quotients(plan) && alike * magnified > limits::most_alike_lit)) {

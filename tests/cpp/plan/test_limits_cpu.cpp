@@ -18,6 +18,21 @@ void make_sparse(Case& one) {
     one.view.screen_px.smallest_ellipsoid = 2.0;
 }
 
+/// Kernels that are not divided by their weights.
+std::shared_ptr<const Field> undivided_ellipsoids() {
+    EllipsoidArrays arrays;
+    arrays.centers = {Vec3(0.0), Vec3(1.0, 0.0, 0.0)};
+    arrays.scales = {Vec3(1.0), Vec3(1.0)};
+    arrays.values = {1.0, 0.5};
+    EllipsoidFieldOptions options;
+    options.normalization = Normalization::none;
+    return std::make_shared<EllipsoidField>(std::move(arrays), options);
+}
+
+std::shared_ptr<const Field> flat_lattice() {
+    return std::make_shared<RegularField>(std::vector<double>(8, 1.0), std::array<std::size_t, 3>{2, 2, 2});
+}
+
 // ---- backend cpu: float32 up to a limit, float64 beyond
 
 class CpuFloat32 : public testing::TestWithParam<Limit> {};
@@ -40,8 +55,29 @@ TEST_P(CpuFloat32, EndsAt) {
 }
 
 const std::vector<Limit> of_float32{
-    {"close_pixels", 0.127, 0.123, [](Case& c, double x) { c.view.frame.smallest_pixel = x; }},
-    {"close_slices", 0.127, 0.123, [](Case& c, double x) { c.view.frame.slice_spacing = x; }},
+    // 400^(-2/3): values of a block of samples reach over the whole window.
+    {"close_pixels", 0.0186, 0.0182, [](Case& c, double x) { c.view.frame.smallest_pixel = x; }},
+    {"close_slices", 0.0186, 0.0182, [](Case& c, double x) { c.view.frame.slice_spacing = x; }},
+    // The same of values that do not change: times 0.003^(-1/3).
+    {"close_pixels_of_flat_fields", 0.1287, 0.1269,
+     [](Case& c, double x) {
+         c.scene.fields = {flat_lattice()};
+         c.view.frame.smallest_pixel = x;
+     }},
+    {"close_pixels_of_scattered_kernels", 0.1287, 0.1269,
+     [](Case& c, double x) {
+         c.scene.fields = {undivided_ellipsoids()};
+         c.view.frame.smallest_pixel = x;
+     }},
+    {"noise_of_sums", 396, 404,
+     [](Case& c, double x) {
+         c.scene.transfer_function = TransferFunction({{0.0, {1, 1, 1}, 0.0}, {1.0 / x, {1, 1, 1}, 0.01}});
+     }},
+    {"steep_noise_of_sums", 0.00635, 0.00625,
+     [](Case& c, double x) {
+         c.scene.transfer_function = ramp(20.0, 0.2);
+         c.view.frame.smallest_pixel = x;
+     }},
     {"slices", 16384, 16385, [](Case& c, double x) { c.view.frame.slices = static_cast<std::int64_t>(x); }},
     {"aspect", 510, 514, [](Case& c, double x) { c.view.shapes.largest_aspect = x; }},
     {"px", 0.0505, 0.0495, [](Case& c, double x) { c.view.screen_px.smallest = x; }},
@@ -89,6 +125,7 @@ const std::vector<Limit> of_float32{
     // 1e-4 / (epsilon / 4 sqrt(33.5)) = 1152.
     {"ratio", 1145, 1160,
      [](Case& c, double x) {
+         make_unlit(c);
          c.scene.fields = {lattice(Normalization::lattice, x - 1.0)};
          c.scene.transfer_function = ramp(0.01, 0.01, x - 1.0);
      }},
@@ -103,13 +140,13 @@ const std::vector<Limit> of_float32{
          c.view.overlap.densest = x;
      }},
     // 5 reference lengths a pixel times values over the window.
-    {"lit_noise", 19.8, 20.2,
+    {"lit_noise", 7.92, 8.08,
      [](Case& c, double x) {
          make_quotients(c);
          c.view.frame.smallest_pixel = 0.2;
          c.scene.transfer_function = TransferFunction({{0.0, {1, 1, 1}, 0.0}, {5.0 / x, {1, 1, 1}, 0.01}});
      }},
-    {"steep_lit_noise", 99, 101,
+    {"steep_lit_noise", 15.9, 16.1,
      [](Case& c, double x) {
          make_quotients(c);
          c.view.frame.smallest_pixel = 0.2;

@@ -95,14 +95,38 @@ def test_values_alike_far_from_their_middle_take_float64() -> None:
 
 @pytest.mark.parametrize("sampling", ["point", "slab"])
 @pytest.mark.parametrize(("low", "high", "length"), [(3.0, 3.3, 0.15), (3.0, 3.3, 0.25), (0.3, 1.0, 0.6)])
-def test_differences_on_plateaus_keep_float32_and_its_bound(
+def test_differences_on_plateaus_keep_the_bound_in_float32(
     low: float, high: float, length: float, sampling: str
 ) -> None:
-    """A quotient of two sums would show the rounding of both: 4e-5, and 4e-4 at the worst pixels."""
+    """A quotient of two sums would show the rounding of both: 4e-5, and 4e-4 at the worst pixels.
+
+    The precision is given: plans are made for values that change slowly instead, as below.
+    """
     parts = plateaus(low, high, gradient="sheets", reference_length=length, sampling=sampling)
-    image = drawn(parts, "cpu")
-    assert image.plan.precision == "float32"
+    image = drawn(parts, "cpu", precision="float32", allow_inexact=True)
     assert_close(image, by_reference(parts), FLOAT32, f"plateaus {low} {high} {length} {sampling}")
+
+
+@pytest.mark.parametrize("scattered", [True, False])
+def test_close_ups_of_quotients_that_change_slowly_take_float64(scattered: bool) -> None:
+    """What their differences have in float32 is the rounding of the quotients."""
+    parts = flat(0.0, gradient="sheets", reference_length=0.4, slice_spacing=0.05)
+    if scattered:
+        field = parts["fields"][0]
+        field["values"] = 3.0 + 3e-4 * field["centers"][:, 0]
+    else:
+        values = np.broadcast_to(3.0 + 3e-4 * np.linspace(-1, 1, 10), (10, 10, 10))
+        parts["fields"] = [
+            {"values": values, "spacing": (2 / 9,) * 3, "origin": (-1,) * 3, "normalization": "threshold", "w0": 0.3}
+        ]
+    parts["transfer"] = [(at + 2.6, *look) for at, *look in TRANSFER]
+    parts["camera"] = parts["camera"] | {"height": 0.3}
+    expected = by_reference(parts)
+    image = drawn(parts, "cpu")
+    assert image.plan.precision == "float64"
+    assert_close(image, expected, FLOAT32, f"slow change {scattered}")
+    inexact = drawn(parts, "cpu", precision="float32", allow_inexact=True)
+    assert not within(off_by(inexact, expected), FLOAT32)
 
 
 @pytest.mark.gl

@@ -319,9 +319,44 @@ def test_the_plan_says_whether_rays_look_up_maxima(kind):
         assert_close(pictures[True], pictures[False], (2e-6, 2e-5), f"cpu mip by rays and by sheets {kind}")
     assert shares[False] > 90 and shares[True] < 70
     # Nothing else is looked up.
-    for options in ({"clip": ss.Clip(planes=[((0, 0, 1), 3)])}, {"mode": "xray"}):
-        image = ss.Renderer("cpu", effects={"ray_extremes": True}).render(scene.replace(**options), camera, size=SIZE)
-        assert "points_looked_up" not in image.stats
+    image = ss.Renderer("cpu", **BY_RAYS).render(scene.replace(mode="xray"), camera, size=SIZE)
+    assert "points_looked_up" not in image.stats
+
+
+@pytest.mark.parametrize("kind", ["orthographic", "perspective"])
+@pytest.mark.parametrize("mode", ["mip", "minimum"])
+def test_extremes_of_what_is_kept(mode, kind):
+    """Rays leave out what a clip, or a surface in front, hides: on a plane through samples too."""
+    field = ss.RegularField(hostile("noise"), spacing=(1.0, 0.4, 2.2))
+    clips = [
+        ss.Clip(planes=[((0.0, 0.0, 1.0), 4.4)]),
+        ss.Clip(planes=[((0.3, -0.8, 0.5), 3.0), ((-1.0, 0.1, 0.0), -12.0)]),
+        ss.Clip(box=((2.0, 1.0, 2.0), (11.0, 4.0, 17.0))),
+        None,
+    ]
+    depths = np.random.default_rng(4).uniform(0.6, 1.4, SIZE[::-1])
+    for clip in clips:
+        for limit in (None, depths):
+            if clip is None and limit is None:
+                continue
+            scene = ss.Scene(field, GRAY, mode=mode, slice_spacing=0.6, clip=clip)
+            camera = view(scene, kind, (0.4, 0.7, -1.0))
+            far = np.linalg.norm(np.subtract(camera.target, camera.eye))
+            asked = {} if limit is None else {"depth_limit": (limit * far).astype(np.float32)}
+            text = f"cpu {mode} {kind} of {clip}, {'limited' if asked else 'all'}"
+            whole = extremes(scene.replace(clip=None), camera)
+            pictures = [ss.Renderer("reference").render(scene, camera, size=SIZE, **asked).scalar]
+            for effects in (True, False):
+                renderer = ss.Renderer("cpu", effects={"ray_extremes": effects})
+                image = renderer.render(scene, camera, size=SIZE, **asked)
+                assert ("points_looked_up" in image.stats) == effects, text
+                pictures.append(image.scalar)
+                tiled = ss.Renderer("cpu", effects={"ray_extremes": effects}, tile_size=9)
+                assert np.array_equal(tiled.render(scene, camera, size=SIZE, **asked).scalar, image.scalar) or not effects
+            assert_close(pictures[1], pictures[0], FLOAT32, text)
+            assert_close(pictures[1], pictures[2], (2e-6, 2e-5), text + " beside sheets")
+            # What is cut off is seen.
+            assert not distance(whole.scalar, pictures[0]).within(FLOAT32)
 
 
 def test_extremes_follow_the_field():

@@ -320,7 +320,8 @@ struct CpuRenderer::State {
                                 extreme,
                                 &extremes,
                                 &places.front(),
-                                job.frame->slices,
+                                job.frame,
+                                &shading.kept,
                                 part.view->value_scale,
                                 static_cast<double>(shading.scalar_step)};
         std::vector<TileScratch<T>>& rooms = scratch<T>();
@@ -330,7 +331,7 @@ struct CpuRenderer::State {
             TileScratch<T>& room = rooms[thread];
             const TileShape shape = layout.shape(tile);
             clear_picture(job, setup, shape, room);
-            looked_up.fetch_add(functions.find_extremes(view, shape, room.planes.scalar, between),
+            looked_up.fetch_add(functions.find_extremes(view, shape, room.planes, between),
                                 std::memory_order_relaxed);
             copy_picture(shape, room.planes, image, job.frame->size);
         });

@@ -136,14 +136,14 @@ class LatticePoints {
 template <class T, class Points, Extreme extreme>
 class RayExtremes {
   public:
-    RayExtremes(const ExtremesView& view, const TileShape& tile, const Points& points)
-        : view_(view), tile_(tile), points_(points), first_(view.places->places(TileShape{}, 0)),
-          last_(view.places->places(TileShape{}, view.slices - 1)), per_slice_(1.0 / std::max<double>(1.0, most())),
+    RayExtremes(const ExtremesView& view, const TileShape& tile, const TilePicture<T>& picture, const Points& points)
+        : view_(view), tile_(tile), picture_(picture), points_(points), first_(view.places->places(TileShape{}, 0)),
+          last_(view.places->places(TileShape{}, view.frame->slices - 1)), per_slice_(1.0 / std::max<double>(1.0, most())),
           radius_(view.places->radius()), past_(view.places->last() + view.places->radius()),
           per_value_(1.0 / (view.value_scale * view.bounds->scale())), farthest_(view.bounds->farthest()) {}
 
     /// Writes a tile's numbers. Returns how many points were looked up.
-    std::uint64_t run(T* plane, const std::function<bool()>& between) {
+    std::uint64_t run(const std::function<bool()>& between) {
         std::int64_t above[largest_tile];
         std::fill(above, above + tile_.width, none);
         for (int y = 0; y < tile_.height; ++y) {
@@ -153,7 +153,7 @@ class RayExtremes {
                 if (given_up_) {
                     return looked_up_;
                 }
-                plane[static_cast<std::ptrdiff_t>(y) * tile_.stride + x] = rho * static_cast<T>(view_.scalar_step);
+                picture_.scalar[in_plane(x, y)] = rho * static_cast<T>(view_.scalar_step);
             }
         }
         return looked_up_;
@@ -168,7 +168,10 @@ class RayExtremes {
     static constexpr double slack = 1e-5, least_share = 1e-30;
 
     /// The last slice.
-    [[nodiscard]] double most() const { return static_cast<double>(view_.slices - 1); }
+    [[nodiscard]] double most() const { return static_cast<double>(view_.frame->slices - 1); }
+    [[nodiscard]] std::ptrdiff_t in_plane(int x, int y) const {
+        return static_cast<std::ptrdiff_t>(y) * tile_.stride + x;
+    }
 
     template <class Number>
     [[nodiscard]] static HWY_INLINE bool is_beyond(Number a, Number b) {
@@ -201,6 +204,7 @@ class RayExtremes {
         for (int axis = 0; axis < 3; ++axis) {
             keep(start[axis], step[axis], axis, low, high);
         }
+        clip(x, y, low, high);
         // (A pixel that leaves the lattice aside forgets where its neighbours found theirs.)
         std::int64_t found = none;
         T most_of_all = T(0);
@@ -240,6 +244,32 @@ class RayExtremes {
         const double a = (before - start) / step, b = (past - start) / step;
         low = std::max(low, std::min(a, b));
         high = std::min(high, std::max(a, b));
+    }
+
+    /// Keeps the slices whose points the clip and the depth limit keep.
+    void clip(int x, int y, double& low, double& high) const {
+        const Frame& frame = *view_.frame;
+        const auto at = [&](const KeptHalfSpace& half, double depth) {
+            const double pixel = frame.pixel * (frame.projection == Projection::perspective ? depth : 1.0);
+            return half.normal.x * ((tile_.x + x + 0.5 - frame.axis_x) * pixel) +
+                   half.normal.y * ((frame.axis_y - tile_.y - y - 0.5) * pixel) - half.normal.z * depth + half.distance;
+        };
+        for (const KeptHalfSpace& half : *view_.kept) {
+            const double front = at(half, frame.depth_of(0)), back = at(half, frame.depth_of(frame.slices - 1));
+            if (front >= 0.0 && back >= 0.0) {
+                continue;
+            }
+            if (front < 0.0 && back < 0.0) {
+                high = -1.0;
+                return;
+            }
+            // Linear in between.
+            const double crossed = front / (front - back) * most();
+            (front < 0.0 ? low : high) = front < 0.0 ? std::max(low, crossed) : std::min(high, crossed);
+        }
+        if (picture_.last_kept != nullptr) {
+            high = std::min(high, static_cast<double>(picture_.last_kept[in_plane(x, y)]));
+        }
     }
 
     /// Whether any kernel reaches a point: the one of the nearest sample does.
@@ -297,6 +327,7 @@ class RayExtremes {
 
     const ExtremesView& view_;
     const TileShape& tile_;
+    const TilePicture<T>& picture_;
     const Points& points_;
     const LatticeReach::Places first_, last_; ///< from the picture's first pixel on, so that tiles do not matter
     const double per_slice_;
@@ -308,13 +339,13 @@ class RayExtremes {
     bool given_up_ = false;
 };
 
-/// Writes a tile's largest rho, at least 0, or its smallest one to a plane of zeros; between: as TileFunctions::run
+/// Writes a tile's largest rho, at least 0, or its smallest one to the scalar's plane; between: as TileFunctions::run
 /// takes it. Returns how many points were looked up.
 template <class T>
-std::uint64_t find_extremes(const ExtremesView& view, const TileShape& tile, T* plane,
+std::uint64_t find_extremes(const ExtremesView& view, const TileShape& tile, const TilePicture<T>& picture,
                             const std::function<bool()>& between) {
     if (view.bounds->scale() <= 0.0) {
-        std::fill(plane, plane + tile.picture_elements(), T(0));
+        std::fill(picture.scalar, picture.scalar + tile.picture_elements(), T(0));
         return 0;
     }
     return std::visit(
@@ -322,10 +353,12 @@ std::uint64_t find_extremes(const ExtremesView& view, const TileShape& tile, T* 
             using Value = typename std::decay_t<decltype(samples)>::value_type;
             const auto within = [&](auto half) {
                 const LatticePoints<T, Value, half.value> points(*view.field, view.value_scale);
+                const auto follow = [&](auto extreme) {
+                    return RayExtremes<T, decltype(points), extreme.value>(view, tile, picture, points).run(between);
+                };
                 return view.extreme == Extreme::largest
-                           ? RayExtremes<T, decltype(points), Extreme::largest>(view, tile, points).run(plane, between)
-                           : RayExtremes<T, decltype(points), Extreme::smallest>(view, tile, points)
-                                 .run(plane, between);
+                           ? follow(std::integral_constant<Extreme, Extreme::largest>())
+                           : follow(std::integral_constant<Extreme, Extreme::smallest>());
             };
             const double radius = view.places->radius();
             return radius <= 2.0   ? within(std::integral_constant<int, 2>())

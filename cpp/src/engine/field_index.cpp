@@ -20,9 +20,18 @@ constexpr std::size_t most_start_cells = 1U << 20;
 /// A longer reach than needed draws more kernels than needed, which is correct; more than twice as long wastes time.
 bool reaches(double kept, double asked) { return kept == asked || (kept >= asked && kept <= 2.0 * asked); }
 
+/// How much farther than asked a reach is kept that grows with the camera's moves.
+constexpr double spare_reach = 1.25;
+
 /// A reach that grows by less than a factor of 2 is raised by another quarter, so that a camera that keeps moving in
 /// the same direction does not need a new index for every picture.
-double ahead(double kept, double asked) { return kept < asked && asked < 2.0 * kept ? 1.25 * asked : asked; }
+double ahead(double kept, double asked) { return kept < asked && asked < 2.0 * kept ? spare_reach * asked : asked; }
+
+/// The first one. In perspective the largest pixel grows a little where a camera goes around the data: the second
+/// picture finds the index of the first.
+double at_first(double asked, const Frame& frame) {
+    return frame.projection == Projection::perspective ? spare_reach * asked : asked;
+}
 
 bool same_runs(const VisibleRuns& a, const VisibleRuns& b) {
     if (a.rows() != b.rows() || a.samples() != b.samples()) {
@@ -188,6 +197,8 @@ const RunsEntry& FieldIndex::runs_of(std::size_t number, const Scene& scene, con
         }
         query.reach_world = ahead((*found)->decided.query.reach_world, query.reach_world);
         query.filter_gain = ahead((*found)->decided.query.filter_gain, query.filter_gain);
+    } else {
+        query.reach_world = at_first(query.reach_world, frame);
     }
     query.reach_world *= reach_ahead(plan);
     auto made = std::make_unique<RunsEntry>();
@@ -241,6 +252,8 @@ const GridEntry& FieldIndex::grid_of(std::size_t number, const Scene& scene, con
             return *entry;
         }
         query.reach_world = ahead(entry->decided->query.reach_world, query.reach_world);
+    } else {
+        query.reach_world = at_first(query.reach_world, frame);
     }
     query.reach_world *= reach_ahead(plan);
     std::vector<std::uint8_t> visible = visible_kernels(*entry->kernels, entry->grid, query);

@@ -9,6 +9,8 @@
 #include <variant>
 #include <vector>
 
+#include <glm/geometric.hpp>
+
 namespace sheetsplat {
 
 namespace {
@@ -133,27 +135,41 @@ class LatticeSums {
     const bool smallest_;
 };
 
-/// The points of a ray where kernels may reach: start + n step, begin <= n < end, index coordinates.
+/// The points of a ray that are kept and where kernels may reach: start + n step, begin <= n < end, index coordinates.
 struct Points {
     Vec3 start{0.0}, step{0.0};
     std::int64_t begin = 0, end = 0;
 };
 
 /// x, y: pixels.
-Points points_of(const RegularField& field, const Camera& camera, const Frame& frame, double x, double y) {
+Points points_of(const RegularField& field, const std::vector<Clip::Plane>& kept, const Camera& camera,
+                 const Frame& frame, double x, double y) {
     const Vec3 spacing = field.options().spacing;
-    const auto place = [&](std::int64_t n) {
+    const auto world_at = [&](std::int64_t n) {
         const double depth = frame.depth_of(n);
         const double pixel = frame.pixel * (frame.projection == Projection::perspective ? depth : 1.0);
-        const Vec3 world = camera.eye() + (x + 0.5 - frame.axis_x) * pixel * camera.right_world() +
-                           (frame.axis_y - y - 0.5) * pixel * camera.up_world() - depth * camera.back_world();
-        return (world - field.options().origin) / spacing;
+        return camera.eye() + (x + 0.5 - frame.axis_x) * pixel * camera.right_world() +
+               (frame.axis_y - y - 0.5) * pixel * camera.up_world() - depth * camera.back_world();
     };
+    const auto place = [&](const Vec3& world) { return (world - field.options().origin) / spacing; };
+    const Vec3 front = world_at(0), back = world_at(frame.slices - 1);
     Points points;
-    points.start = place(0);
+    points.start = place(front);
     const auto most = static_cast<double>(frame.slices - 1);
-    points.step = (place(frame.slices - 1) - points.start) / std::max(1.0, most);
+    points.step = (place(back) - points.start) / std::max(1.0, most);
     double low = 0.0, high = most;
+    for (const Clip::Plane& half : kept) {
+        const auto inside = [&](const Vec3& world) { return glm::dot(half.normal, world) - half.offset; };
+        const double of_front = inside(front), of_back = inside(back);
+        if (of_front < 0.0 && of_back < 0.0) {
+            return points;
+        }
+        if (of_front < 0.0) {
+            low = std::max(low, most * of_front / (of_front - of_back));
+        } else if (of_back < 0.0) {
+            high = std::min(high, most * of_front / (of_front - of_back));
+        }
+    }
     for (int axis = 0; axis < 3; ++axis) {
         const double before = -field.options().radius;
         const double past =
@@ -215,8 +231,8 @@ double ExtremeBlocks::weights(const RegularField& field, double ripple) {
     return ripple * field.lattice_constant() / field.kernel().gain();
 }
 
-ExtremeFacts extreme_facts(const RegularField& field, double peak, bool smallest, const Camera& camera,
-                           const Frame& frame) {
+ExtremeFacts extreme_facts(const RegularField& field, double peak, bool smallest,
+                           const std::vector<Clip::Plane>& kept, const Camera& camera, const Frame& frame) {
     if (frame.slices == 0 || field.size() == 0 || (!smallest && field.value_range()[1] <= 0.0)) {
         return {};
     }
@@ -239,7 +255,7 @@ ExtremeFacts extreme_facts(const RegularField& field, double peak, bool smallest
                     return (at - std::floor(at)) * pixels - 0.5;
                 };
                 const Points points =
-                    points_of(field, camera, frame, along(0, frame.size.width), along(1, frame.size.height));
+                    points_of(field, kept, camera, frame, along(0, frame.size.width), along(1, frame.size.height));
                 if (points.begin == points.end) {
                     continue;
                 }

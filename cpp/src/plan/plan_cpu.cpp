@@ -297,7 +297,6 @@ void plan_extremes(const Scene& scene, const ViewFacts& view, Effects& effects, 
                                                             ", of a radius of at most " +
                                                        number(ExtremeBlocks::largest_radius)
                                 : plan.sampling != Sampling::point ? "slices are means over slabs"
-                                : plan.cuts()                      ? "points of slices are cut off"
                                 : plan.owned                       ? "a part of a whole is drawn"
                                 : plan.counts                      ? "slices that count are counted, a part by a part"
                                 : plan.filter                      ? "the filter widens kernels"

@@ -108,7 +108,7 @@ TEST(WeightFacts, AreExtremesOverTheKernels) {
 }
 
 TEST(ExtremeFacts, TellFewSamplesFromMany) {
-    const auto facts = [](bool few, bool smallest = false) {
+    const auto facts = [](bool few, bool smallest = false, const std::vector<Clip::Plane>& kept = {}) {
         constexpr std::size_t edge = 40;
         std::vector<std::uint8_t> samples(edge * edge * edge, 0);
         for (std::size_t at = 0; at < samples.size(); at += few ? 50 : 1) {
@@ -118,7 +118,7 @@ TEST(ExtremeFacts, TellFewSamplesFromMany) {
             std::make_shared<const RegularField>(std::move(samples), std::array<std::size_t, 3>{edge, edge, edge});
         Scene scene{{field}, TransferFunction({{0.0, {1, 1, 1}, 0.0}, {1.0, {1, 1, 1}, 0.5}})};
         const Camera camera = Camera::fit(field->supports_world(), Vec3(0.4, 0.3, -1.0), Vec3(0.0, 1.0, 0.0));
-        return extreme_facts(*field, 1.01, smallest, camera, make_frame(scene, camera, {60, 60}));
+        return extreme_facts(*field, 1.01, smallest, kept, camera, make_frame(scene, camera, {60, 60}));
     };
     const ExtremeFacts few = facts(true), many = facts(false);
     EXPECT_NEAR(few.drawn, 0.02, 0.01);
@@ -130,6 +130,10 @@ TEST(ExtremeFacts, TellFewSamplesFromMany) {
     EXPECT_LT(least.asked, 0.2) << "nor is it asked for";
     EXPECT_EQ(few.asked, 1.0);
     EXPECT_LT(least_of_many.left, 0.8) << "what is above 0 is least where kernels end";
+    EXPECT_EQ(facts(false, false, {{Vec3(0.0, 0.0, 1.0), 1e3}}).drawn, 0.0) << "all is cut off";
+    const double cut = facts(true, true, {{Vec3(1.0, 1.0, 0.0), 40.0}}).asked;
+    EXPECT_GT(cut, 0.0);
+    EXPECT_LT(cut, 0.5) << "of the kept points too, few are asked for";
 }
 
 TEST(ViewFacts, GatherTheExtremesOfAllFields) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "backend_cpu/lattice_reach.hpp"
+#include "backend_cpu/shading.hpp"
 #include "base/threads.hpp"
 #include "facts/extreme_blocks.hpp"
 #include "sheetsplat/field.hpp"
@@ -49,7 +50,8 @@ struct ExtremesView {
     Extreme extreme = Extreme::largest;
     const LatticeExtremes* bounds = nullptr;
     const LatticeReach* places = nullptr;
-    std::int64_t slices = 0;
+    const Frame* frame = nullptr;
+    const std::vector<KeptHalfSpace>* kept = nullptr; ///< all of them; none without a clip
     double value_scale = 1.0; ///< of FieldView
     double scalar_step = 1.0; ///< what the picture's numbers are multiplied by
 };

@@ -171,7 +171,7 @@ struct TileFunctions {
                 const std::function<bool()>& between);
     /// Modes mip and minimum of a lattice: writes a tile's largest rho, at least 0, or its smallest one to a plane of
     /// its picture, and returns how many points were looked up. between: as for run.
-    std::uint64_t (*find_extremes)(const ExtremesView& view, const TileShape& shape, T* plane,
+    std::uint64_t (*find_extremes)(const ExtremesView& view, const TileShape& shape, const TilePicture<T>& picture,
                                    const std::function<bool()>& between);
     /// One slab of it by itself, for tests: slice n, or the interval from slice n to n + 1.
     void (*shade)(const Shading<T>& shading, const TileShape& shape, const SlabWindow<T>& window,

@@ -33,6 +33,8 @@ constexpr double rounding = 1e-12;
 constexpr std::size_t fan = 8;
 /// Leaves that are kept in memory; beyond, a leaf is several kernels.
 constexpr std::size_t most_leaves = std::size_t{1} << 20;
+/// Mark of a kernel that is drawn where something near it is visible.
+constexpr std::uint8_t undecided = 2;
 /// Boxes that are looked at for one kernel; beyond, what is left counts as near.
 constexpr std::size_t most_looks = 1024;
 
@@ -258,6 +260,17 @@ std::vector<std::uint8_t> visible_kernels(const EllipsoidField& field, const Spa
         }
         return Shares{std::max(weight * value, 0.0), std::max(-weight * value, 0.0)};
     };
+    // What a kernel decides by itself comes first: where all do, their surroundings need no look.
+    const auto is_open = [&](std::size_t kernel) { return visible[kernel] == undecided; };
+    bool any_open = false;
+    for (std::size_t kernel = 0; kernel < n; ++kernel) {
+        poll_at(kernel);
+        visible[kernel] = adds_nothing(kernel) ? 0 : shares_of(kernel).reach(limits) ? 1 : undecided;
+        any_open = any_open || is_open(kernel);
+    }
+    if (!any_open) {
+        return visible;
+    }
     const auto box_of = [&](std::size_t kernel) {
         const Vec3 extent = field.extent(kernel);
         return Box{field.center(kernel) - extent, field.center(kernel) + extent};
@@ -269,26 +282,30 @@ std::vector<std::uint8_t> visible_kernels(const EllipsoidField& field, const Spa
     }
     require_memory(2 * (n / leaf + fan) * sizeof(Node), what, next);
     const std::vector<std::uint32_t>& order = grid.order();
-    const BoxTree tree(n, leaf, [&](std::size_t at) { return Node{box_of(order[at]), shares_of(order[at])}; });
+    const BoxTree tree(n, leaf, [&](std::size_t at) {
+        const Shares shares = shares_of(order[at]);
+        return shares.any() ? Node{box_of(order[at]), shares} : Node{};
+    });
 
     // Neighbours in the order are tested together first: far from everything visible they are dropped together.
     constexpr std::size_t together = 16;
     for (std::size_t begin = 0; begin < n; begin += together) {
         poll_at(begin);
-        const std::size_t end = std::min(n, begin + together);
+        std::array<std::size_t, together> open{};
         std::array<Box, together> boxes;
+        std::size_t count = 0;
         Node all;
-        for (std::size_t at = begin; at < end; ++at) {
-            boxes[at - begin] = box_of(order[at]);
-            all.add(boxes[at - begin], {});
+        for (std::size_t at = begin; at < std::min(n, begin + together); ++at) {
+            if (is_open(order[at])) {
+                open[count] = order[at];
+                boxes[count] = box_of(order[at]);
+                all.add(boxes[count++], {});
+            }
         }
-        const bool any = tree.reaches(widened(all.box, visibility.reach_world), limits);
-        for (std::size_t at = begin; at < end; ++at) {
-            const std::size_t kernel = order[at];
-            const bool kept = any && !adds_nothing(kernel) &&
-                              (shares_of(kernel).reach(limits) ||
-                               tree.reaches(widened(boxes[at - begin], visibility.reach_world), limits));
-            visible[kernel] = kept ? 1 : 0;
+        const bool any = count > 0 && tree.reaches(widened(all.box, visibility.reach_world), limits);
+        for (std::size_t at = 0; at < count; ++at) {
+            const bool kept = any && tree.reaches(widened(boxes[at], visibility.reach_world), limits);
+            visible[open[at]] = kept ? 1 : 0;
         }
     }
     return visible;

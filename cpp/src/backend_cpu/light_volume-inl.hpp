@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <vector>
 
 #include "backend_cpu/shading.hpp"
@@ -21,25 +22,29 @@ namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// The numbers values[first] and values[first + step] of each lane. pairs: step is 1.
-template <bool pairs, class D, class I, class V = hn::Vec<D>>
-HWY_INLINE void load_two(D d, const float* values, I first, std::int32_t step, V& one, V& other) {
+/// The numbers values[first] and values[first + step] of each lane, for four places of `values`. Where step is 1 each
+/// two are loaded as one: gathers of the instruction sets take as long as all of their loads.
+template <class D, class I, class V = hn::Vec<D>>
+HWY_INLINE void load_pairs(D d, const float* const (&values)[4], I first, std::int32_t step, V (&one)[4],
+                           V (&other)[4]) {
     using T = hn::TFromD<D>;
-#if HWY_ARCH_X86 && HWY_TARGET <= HWY_AVX3
-    if constexpr (pairs && sizeof(T) == 4) {
-        // Half as many loads, each of two numbers.
-        const hn::Rebind<std::int32_t, D> di;
-        const hn::RepartitionToWide<decltype(di)> wide;
-        const auto at = [&](auto half) SHEETSPLAT_CPU_INLINE {
-            const auto bytes = hn::ShiftLeft<2>(hn::PromoteTo(wide, half));
-            return hn::BitCast(d, hn::GatherOffset(wide, reinterpret_cast<const std::int64_t*>(values), bytes));
-        };
-        const V lower = at(hn::LowerHalf(first)), upper = at(hn::UpperHalf(hn::Half<decltype(di)>(), first));
-        one = hn::ConcatEven(d, upper, lower);
-        other = hn::ConcatOdd(d, upper, lower);
-        return;
+    constexpr std::size_t lanes = hn::MaxLanes(D());
+    if constexpr (sizeof(T) == 4) {
+        if (HWY_LIKELY(step == 1)) {
+            HWY_ALIGN std::int32_t at[lanes];
+            HWY_ALIGN float pairs[4][2 * lanes];
+            hn::Store(first, hn::Rebind<std::int32_t, D>(), at);
+            for (std::size_t lane = 0; lane < lanes; ++lane) {
+                for (int corner = 0; corner < 4; ++corner) {
+                    std::memcpy(&pairs[corner][2 * lane], values[corner] + at[lane], 2 * sizeof(float));
+                }
+            }
+            for (int corner = 0; corner < 4; ++corner) {
+                hn::LoadInterleaved2(d, pairs[corner], one[corner], other[corner]);
+            }
+            return;
+        }
     }
-#endif
     const hn::Rebind<float, D> df;
     const auto in_format = [&](auto found) {
         if constexpr (sizeof(T) == 4) {
@@ -48,8 +53,10 @@ HWY_INLINE void load_two(D d, const float* values, I first, std::int32_t step, V
             return hn::PromoteTo(d, found);
         }
     };
-    one = in_format(hn::GatherIndex(df, values, first));
-    other = in_format(hn::GatherIndex(df, values + step, first));
+    for (int corner = 0; corner < 4; ++corner) {
+        one[corner] = in_format(hn::GatherIndex(df, values[corner], first));
+        other[corner] = in_format(hn::GatherIndex(df, values[corner] + step, first));
+    }
 }
 
 /// Numbers of a light volume at places (u, v, w), counted in its elements; outside, those of the nearest face.
@@ -77,18 +84,13 @@ HWY_INLINE V look_up(D d, const LightVolume& volume, const V (&place)[3]) {
         size *= count;
     }
     const float* values = volume.values.data();
-    const auto mix = [&](V from, V to, V share) { return hn::MulAdd(share, hn::Sub(to, from), from); };
-    const auto along_rows = [&](std::int32_t offset) SHEETSPLAT_CPU_INLINE {
-        V from, to;
-        if (HWY_LIKELY(steps[0] == 1)) {
-            load_two<true>(d, values + offset, first, 1, from, to);
-        } else {
-            load_two<false>(d, values + offset, first, steps[0], from, to);
-        }
-        return mix(from, to, part[0]);
-    };
-    const V near = mix(along_rows(0), along_rows(steps[1]), part[1]);
-    const V far = mix(along_rows(steps[2]), along_rows(steps[1] + steps[2]), part[1]);
+    const float* const corners[4] = {values, values + steps[1], values + steps[2], values + steps[1] + steps[2]};
+    V from[4], to[4];
+    load_pairs(d, corners, first, steps[0], from, to);
+    const auto mix = [&](V a, V b, V share) { return hn::MulAdd(share, hn::Sub(b, a), a); };
+    const auto along_row = [&](int corner) { return mix(from[corner], to[corner], part[0]); };
+    const V near = mix(along_row(0), along_row(1), part[1]);
+    const V far = mix(along_row(2), along_row(3), part[1]);
     return mix(near, far, part[2]);
 }
 

@@ -178,7 +178,7 @@ struct RampPlace {
     V rho, x;
     V from, to, per_width;
     Color<D> color, color_step;
-    V terms_of_absorption[terms];
+    V terms_of_absorption[(terms + 4) / 4 * 4]; ///< (Four are loaded at once.)
     LaneRecords<D> records;
 };
 
@@ -189,19 +189,22 @@ HWY_NOINLINE void find_place(D d, const RampTable<T>& table, V rho, RampPlace<D>
         return;
     }
     const T* numbers = table.records.data();
-    V none;
-    look_in_cells(d, table.cells, rho, place.records);
-    load_four(d, numbers, place.records.at, place.from, place.to, place.per_width, none);
-    if (!hn::AllFalse(d, hn::Ge(rho, place.to))) {
-        find_onwards(d, numbers, RampTable<T>::record, table.cells.records.back(), rho, place.records);
-        load_four(d, numbers, place.records.at, place.from, place.to, place.per_width, none);
-    }
     Color<D>& color = place.color;
     Color<D>& step = place.color_step;
+    const auto load_limits = [&]() SHEETSPLAT_CPU_INLINE {
+        load_four(d, numbers, place.records.at, place.from, place.to, place.per_width, color.blue);
+    };
+    look_in_cells(d, table.cells, rho, place.records);
+    load_limits();
+    if (!hn::AllFalse(d, hn::Ge(rho, place.to))) {
+        find_onwards(d, numbers, RampTable<T>::record, table.cells.records.back(), rho, place.records);
+        load_limits();
+    }
     load_four(d, numbers + 4, place.records.at, color.red, step.red, color.green, step.green);
-    load_four(d, numbers + 8, place.records.at, color.blue, step.blue, none, none);
     V* terms = place.terms_of_absorption;
-    for (int n = 0; n < RampPlace<D>::terms; n += 4) {
+    static_assert(RampTable<T>::first_term == 9, "three terms come with what they follow");
+    load_four(d, numbers + 8, place.records.at, step.blue, terms[0], terms[1], terms[2]);
+    for (int n = 3; n < RampPlace<D>::terms; n += 4) {
         load_four(d, numbers + RampTable<T>::first_term + n, place.records.at, terms[n], terms[n + 1], terms[n + 2],
                   terms[n + 3]);
     }

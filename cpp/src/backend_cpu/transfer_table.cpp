@@ -172,7 +172,7 @@ void cut(const RampStretch<T>& whole, std::vector<RampStretch<T>>& pieces) {
         return point;
     };
     const double change = std::log((clear + step) / clear);
-    const auto count = static_cast<int>(std::ceil(std::abs(change) / std::log(most_change)));
+    const auto count = static_cast<int>(std::ceil(std::abs(change) / std::log(most_change<T>)));
     TransferPoint before = looks_at(from);
     for (int n = 1; n <= count; ++n) {
         const double share = clear * std::expm1(change * n / count) / step;
@@ -190,7 +190,7 @@ std::vector<RampStretch<T>> cut_all(const std::vector<RampStretch<T>>& stretches
     std::vector<RampStretch<T>> pieces;
     for (const RampStretch<T>& s : stretches) {
         const double from = static_cast<double>(s.clearness), to = from + static_cast<double>(s.clearness_step);
-        if (std::max(from, to) > most_change * std::min(from, to)) {
+        if (std::max(from, to) > most_change<T> * std::min(from, to)) {
             cut(s, pieces);
         } else {
             pieces.push_back(s);
@@ -295,8 +295,8 @@ RampTable<T> make_ramp_table(const TransferFunction& function, double value_unit
         const RampStretch<T>& s = table.stretches[n];
         starts.push_back(s.from);
         T* out = table.records.data() + n * record;
-        const T numbers[] = {s.from,          s.to,       s.per_width,     T(0),       s.color[0],
-                             s.color_step[0], s.color[1], s.color_step[1], s.color[2], s.color_step[2]};
+        const T numbers[] = {s.from,     s.to,           s.per_width, s.color[2],     s.color[0], s.color_step[0],
+                             s.color[1], s.color_step[1], s.color_step[2]};
         std::copy(std::begin(numbers), std::end(numbers), out);
         const AbsorptionTerms<RampTable<T>::degree> absorption(s);
         for (int power = 0; power <= RampTable<T>::degree; ++power) {

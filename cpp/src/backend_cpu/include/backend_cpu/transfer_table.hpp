@@ -55,12 +55,12 @@ struct RampStretch {
 template <class T>
 struct RampTable {
     std::vector<RampStretch<T>> stretches;
-    static constexpr int degree = sizeof(T) == 4 ? 3 : 7;
-    /// Numbers of one stretch: from, to, per_width, 0 | red, step, green, step | blue, step, 0, 0 | the polynomial's
-    /// terms, that of x^n divided by n + 1 | the integrals over rho up to `from` of absorption and of absorption times
-    /// red, green and blue, each as a number and what it has lost. One record more than stretches; only where there are
-    /// many.
-    static constexpr int first_term = 12, first_integral = first_term + degree + 1, record = first_integral + 8;
+    static constexpr int degree = sizeof(T) == 4 ? 2 : 7;
+    /// Numbers of one stretch: from, to, per_width, blue | red, step, green, step | blue's step, then the polynomial's
+    /// terms, that of x^n divided by n + 1 | from a multiple of four on the integrals over rho up to `from` of
+    /// absorption and of absorption times red, green and blue, each as a number and what it has lost. One record more
+    /// than stretches; only where there are many.
+    static constexpr int first_term = 9, first_integral = (first_term + degree + 4) / 4 * 4, record = first_integral + 8;
     std::vector<T> records;
     Cells<T> cells;
 };

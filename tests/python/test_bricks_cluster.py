@@ -370,3 +370,52 @@ def test_a_lost_scheduler_is_told(samples):
     with pytest.raises(ss.Error, match="the scheduler .* cannot be used"):
         ss.render(bricked, client=client, size=SIZE)
     client.close()
+
+
+def _pause(size, dask_worker):
+    """Pause a worker, as dask does where it takes most of its memory, until it keeps no bricks any more."""
+    from distributed.core import Status
+
+    from sheetsplat.bricks.resident import residents
+
+    def look():
+        if size is not None and residents().size < size:
+            dask_worker.status = Status.running
+        else:
+            dask_worker.loop.call_later(0.05, look)
+
+    dask_worker.status = Status.paused
+    look()
+
+
+def _run(dask_worker):
+    from distributed.core import Status
+
+    dask_worker.status = Status.running
+
+
+@pytest.mark.slow
+def test_paused_workers_let_go_of_what_they_keep_or_are_named(samples, monkeypatch):
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr("sheetsplat.bricks.cluster._STALLED", 0.2)
+    monkeypatch.setattr("sheetsplat.bricks.cluster._GIVEN_UP", 1.0)
+    options = {"size": SIZE, "mode": "xray", "slice_spacing": 0.5}
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, memory_limit=0, dashboard_address=None, silence_logs=50
+        ) as made,
+        distributed.Client(made) as client,
+    ):
+        bricked = ss.open_bricks(samples, brick=24, client=client, quality="draft")
+        first = ss.render(bricked, client=client, **options)
+        # Paused, with bricks that they can let go.
+        client.run(_pause, 1)
+        again = ss.render(bricked, client=client, **options)
+        np.testing.assert_array_equal(first.pixels, again.pixels)
+        assert again.stats["bricks_read"] > 0
+        # Paused for ever.
+        client.run(_pause, None)
+        with pytest.raises(ss.OutOfMemory, match="2 workers that dask has paused"):
+            ss.render(bricked, client=client, **options)
+        client.run(_run)
+        np.testing.assert_array_equal(first.pixels, ss.render(bricked, client=client, **options).pixels)

@@ -201,6 +201,43 @@ def test_a_second_view_reads_nothing(tmp_path):
         ss.render(again, size=SIZE, quality="draft")
 
 
+@pytest.mark.parametrize("kind", ["dask", "pandas", "field"])
+def test_other_options_of_the_same_data_are_other_kernels(kind):
+    """What was sorted and kept of a table is that of one scalar, and of one falloff."""
+    pandas = pytest.importorskip("pandas")
+    field = kernels("spheres")
+    (x, y, z), other = field.centers.T, field.values[::-1].copy()
+    frame = pandas.DataFrame({"x": x, "y": y, "z": z, "radius": field.scales, "a": field.values, "b": other})
+    if kind == "dask":
+        frame = pytest.importorskip("dask.dataframe").from_pandas(frame, npartitions=3)
+    options = {"size": SIZE, "mode": "xray", "slice_spacing": SPACING}
+    for name, values in (("a", field.values), ("b", other)):
+        for falloff in (8.0, 2.0):
+            whole = ss.EllipsoidField(field.centers, field.scales, values=values, falloff=falloff)
+            if kind == "field":
+                bricked = ss.open_bricks(whole, brick_kernels=30)
+            else:
+                bricked = ss.open_bricks(frame, brick_kernels=30, scalar=name, falloff=falloff)
+            assert pixels_apart(ss.render(bricked, **options), ss.render(whole, **options)) < BOUND, (name, falloff)
+
+
+def test_partitions_without_rows_are_passed_over():
+    pandas, frames = pytest.importorskip("pandas"), pytest.importorskip("dask.dataframe")
+    field = kernels("spheres")
+    order = np.argsort(field.centers[:, 0])
+    (x, y, z), radius, values = field.centers[order].T, field.scales[order], field.values[order]
+    table = pandas.DataFrame({"x": x, "y": y, "z": z, "radius": radius, "value": values})
+    frame = frames.from_pandas(table, npartitions=4)
+    bricked = ss.open_bricks(frame[frame.x > 0.6], brick_kernels=20)
+    kept = x > 0.6
+    whole = ss.EllipsoidField(field.centers[order][kept], radius[kept], values=values[kept])
+    assert bricked.kernels == whole.size > 0
+    options = {"size": SIZE, "mode": "xray", "slice_spacing": SPACING}
+    assert pixels_apart(ss.render(bricked, **options), ss.render(whole, **options)) < BOUND
+    with pytest.raises(ss.InvalidInput, match="no rows"):
+        ss.open_bricks(frame[frame.x > 9.0])
+
+
 def test_what_has_no_bricks_is_refused(tmp_path):
     field = kernels("spheres")
     points = dict(zip("xyz", field.centers.T, strict=True)) | {"value": field.values}

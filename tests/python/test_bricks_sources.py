@@ -124,3 +124,47 @@ def test_zarr_chunks_are_checked_when_their_brick_is_read(samples, tmp_path):
     with pytest.raises(ss.InvalidInput, match="a link"):
         source.read(((20, 21), (20, 21), (20, 21)))
     np.testing.assert_array_equal(source.read(((0, 16), (0, 16), (0, 16))), samples[:16, :16, :16])
+
+
+@pytest.mark.parametrize("kind", ["2.", "2/", "3/", "memory", "url", "dask", "xarray"])
+def test_data_that_were_written_again_are_read_again(kind, samples, tmp_path):
+    """Nothing that is resident of what was there before is shown: neither samples nor what was surveyed of them."""
+    part, options = np.ascontiguousarray(samples[:20, :20, :20]), {}
+    if kind == "url":
+        pytest.importorskip("fsspec")
+        data, options = f"file://{tmp_path / 'v.raw'}", {"shape": part.shape, "dtype": "uint8"}
+    elif kind == "xarray":
+        held = part.copy()
+        data = pytest.importorskip("xarray").DataArray(held, dims=("z", "y", "x"))
+    else:
+        zarr = pytest.importorskip("zarr")
+        store = zarr.storage.MemoryStore() if kind == "memory" else str(tmp_path / "v.zarr")
+        keys = {"name": "v2", "separator": kind[1]} if kind in ("2.", "2/") else None
+        form = 3 if keys is None else 2
+        array = zarr.create_array(
+            store, shape=part.shape, chunks=(8,) * 3, dtype="u1", zarr_format=form, chunk_key_encoding=keys
+        )
+        data = array if kind == "memory" else store
+        if kind == "dask":
+            data = pytest.importorskip("dask.array").from_zarr(store)
+
+    def write(values):
+        if kind == "url":
+            (tmp_path / "v.raw").write_bytes(values.tobytes())
+        elif kind == "xarray":
+            held[:] = values
+        else:
+            array[:] = values
+
+    pictures = []
+    for values in (part, 255 - part):
+        write(values)
+        bricked = ss.open_bricks(data, brick=12, quality="draft", **options)
+        assert bricked.value_range == (float(values.min()), float(values.max()))
+        pictures.append(ss.render(bricked, size=SIZE, mode="xray").scalar)
+        whole = ss.RegularField(values)
+        expected = ss.render(whole, size=SIZE, mode="xray", slice_spacing=bricked.default_slice_spacing)
+        place = [(4.0, 5.0, 6.0)]
+        np.testing.assert_allclose(bricked.at(place), whole.at(place), rtol=1e-5)
+        np.testing.assert_allclose(pictures[-1], expected.scalar, rtol=1e-4, atol=1e-4 * expected.scalar.max())
+    assert not np.allclose(pictures[0], pictures[1], rtol=0.01)

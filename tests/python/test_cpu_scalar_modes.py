@@ -352,7 +352,9 @@ def test_extremes_of_what_is_kept(mode, kind):
                 assert ("points_looked_up" in image.stats) == effects, text
                 pictures.append(image.scalar)
                 tiled = ss.Renderer("cpu", effects={"ray_extremes": effects}, tile_size=9)
-                assert np.array_equal(tiled.render(scene, camera, size=SIZE, **asked).scalar, image.scalar) or not effects
+                # (Sums are rounded by the corners of tiles.)
+                same = np.array_equal(tiled.render(scene, camera, size=SIZE, **asked).scalar, image.scalar)
+                assert same or not effects
             assert_close(pictures[1], pictures[0], FLOAT32, text)
             assert_close(pictures[1], pictures[2], (2e-6, 2e-5), text + " beside sheets")
             # What is cut off is seen.

@@ -41,6 +41,7 @@ from sheetsplat.bricks.tasks import (
     coarsen_one,
     counts_of,
     finish_picture,
+    let_go_of_all,
     light_brick,
     light_lines,
     light_spots,
@@ -63,7 +64,7 @@ from sheetsplat.bricks.tasks import (
     survey_piece,
 )
 from sheetsplat.bricks.view import BrickView
-from sheetsplat.errors import Cancelled, Error, Unsupported, complain, missing_package, option_ref
+from sheetsplat.errors import Cancelled, Error, OutOfMemory, Unsupported, complain, missing_package, option_ref
 from sheetsplat.fields import BrickedField, BrickedKernels
 from sheetsplat.options.renderer import Progress
 
@@ -73,6 +74,10 @@ _LOOK = 0.05
 _WATCH = 0.5
 _PATIENCE = 10.0
 _MOST_LOST = 4
+# Seconds without a task that is done until it is looked for workers that dask has paused, and until these, which have
+# let go of all that they kept meanwhile, are given up.
+_STALLED = 5.0
+_GIVEN_UP = 30.0
 # Of the memory of a worker, what all bricks of a film may take so that each worker keeps them all; the borders of
 # bricks, with a prefilter, and the bytes of a kernel.
 _ALL_OF_IT = 0.25
@@ -255,6 +260,11 @@ def memory_limit(dask_worker: Any) -> int | None:
     return limit
 
 
+def paused_workers(dask_scheduler: Any) -> list[str]:
+    """Return the workers that begin no task. `Client.run_on_scheduler` gives the scheduler by this name."""
+    return [address for address, one in dask_scheduler.workers.items() if one.status.name == "paused"]
+
+
 def _version() -> str:
     from sheetsplat._sheetsplat import __version__
 
@@ -327,6 +337,7 @@ class Pending:
             done = threading.Event()
             self._tasks[-1].add_done_callback(lambda _: done.set())
         self._done, self._watched = done, time.monotonic()
+        self._stalled = _Stalled(self._client, self._what)
 
     def result(self, progress: Progress | None = None) -> Any:
         """Return the result; where `progress` returns False, or Ctrl-C is pressed, all tasks are cancelled.
@@ -342,7 +353,7 @@ class Pending:
             while True:
                 with _connected(self._client):
                     while not self._tasks[-1].done() and self._all_there():
-                        self._let_go()
+                        self._stalled.look(self._let_go())
                         self._tell(progress)
                         self._done.wait(_LOOK)
                     if self._tasks[-1].status in ("finished", "error"):
@@ -381,8 +392,11 @@ class Pending:
         self.cancel()
         self._begin()
 
-    def _let_go(self) -> None:
-        """Forget what is done but the result: workers keep it until all tasks that take it are done."""
+    def _let_go(self) -> bool:
+        """Forget what is done but the result: workers keep it until all tasks that take it are done.
+
+        Return whether anything was.
+        """
         *others, last = self._tasks
         left = []
         for one in others:
@@ -391,6 +405,7 @@ class Pending:
             else:
                 left.append(one)
         self._tasks = [*left, last]
+        return len(left) < len(others)
 
     def _tell(self, progress: Progress | None) -> None:
         if progress is None:
@@ -405,6 +420,43 @@ class Pending:
             one.release()
         self._tasks = []
         _cluster(self._client).drop_unfinished()
+
+
+class _Stalled:
+    """Looks after workers that dask has paused, as their memory is short: they would wait for ever."""
+
+    def __init__(self, client: Any, what: str) -> None:
+        self._client, self._what = client, what
+        self._moved = self._looked = time.monotonic()
+        self._relieved = False
+
+    def look(self, moved: bool) -> None:
+        """Look now and then, while no task ends, `moved`: whether one has.
+
+        Raises
+        ------
+        Error
+            Where workers are paused that keep nothing more which they could let go.
+        """
+        now = time.monotonic()
+        if moved:
+            self._moved, self._relieved = now, False
+        if now - max(self._moved, self._looked) < _STALLED:
+            return
+        self._looked = now
+        paused = self._client.run_on_scheduler(paused_workers)
+        if paused and not self._relieved:
+            self._client.run(let_go_of_all, workers=paused, on_error="ignore")
+            self._relieved = True
+        elif paused and now - self._moved > _GIVEN_UP:
+            raise complain(
+                f"{self._what} cannot be drawn",
+                f"{len(paused)} workers that dask has paused, the first one at {paused[0]}: they take most of their "
+                "memory without any brick",
+                "workers with memory left",
+                "give workers more memory, use smaller bricks, or let other fields in bricks go",
+                kind=OutOfMemory,
+            )
 
 
 class _Tasks:

@@ -37,6 +37,11 @@ def renderer_of(settings: Mapping[str, Any], of: str = "bricks") -> Renderer:
     return _renderer(pairs, of)
 
 
+def forget_renderers() -> None:
+    """Forget the renderers of this process, and what they found; tasks that draw keep theirs to their end."""
+    _renderer.cache_clear()
+
+
 def native_part(
     view: BrickView,
     number: int,

@@ -151,15 +151,21 @@ class _FramePieces:
 
     frame: Any
     token: str
-    counts: tuple[int, ...]
+    # Number of a partition, and its rows.
+    partitions: tuple[tuple[int, int], ...]
     scalar: str | None
     kernels: Mapping[str, Any]
     name: str = "the dask DataFrame"
 
+    @property
+    def counts(self) -> Sequence[int]:
+        return [rows for _, rows in self.partitions]
+
     def read(self, number: int) -> EllipsoidField:
-        with placed_errors(f"partition {number} of {self.name} cannot be read"):
+        partition, _ = self.partitions[number]
+        with placed_errors(f"partition {partition} of {self.name} cannot be read"):
             # Tasks of a worker read pieces; further tasks of its scheduler would wait for them.
-            frame = self.frame.get_partition(number).compute(scheduler="synchronous")
+            frame = self.frame.get_partition(partition).compute(scheduler="synchronous")
             return _of_columns(frame, self.name, self.scalar, self.kernels)
 
 
@@ -324,8 +330,11 @@ def _of_frame(data: Any, options: Mapping[str, Any], client: Any) -> Pieces:
     with placed_errors("the dask DataFrame cannot be opened in bricks"):
         lengths = data.map_partitions(len)
         counts = lengths.compute(scheduler="synchronous" if client is None else client)
-        token = str(tokenize(data))
-    return _some(_FramePieces(data, token, tuple(int(one) for one in counts), options.get("scalar"), kernels))
+        scalar = options.get("scalar")
+        token = repr((tokenize(data), scalar, kernels))
+    # Of filtered tables some partitions are empty.
+    filled = tuple((number, int(count)) for number, count in enumerate(counts) if count)
+    return _some(_FramePieces(data, token, filled, scalar, kernels))
 
 
 def _some(pieces: Pieces) -> Pieces:

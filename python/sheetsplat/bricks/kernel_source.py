@@ -67,7 +67,7 @@ class Columns:
 
     def table(self, field: EllipsoidField) -> Floats:
         """Return the kernels of a field as a table."""
-        parts = [field.centers, field.scales.reshape(field.size, -1)]
+        parts = [field.centers, field.scales.reshape(field.size, self.axes)]
         parts += [] if field.rotations is None else [field.rotations]
         parts += [field.values[:, None]] + ([] if field.weights is None else [field.weights[:, None]])
         return np.concatenate([*parts, np.arange(field.size, dtype=np.float64)[:, None]], axis=1)
@@ -82,7 +82,7 @@ class Columns:
     def extents(self, table: Floats) -> Floats:
         """Return half the extents of supports along the world's axes, (N, 3)."""
         _, scales, turns, _, _ = self.arrays(table)
-        axes = np.broadcast_to(scales.reshape(len(table), -1), (len(table), 3))
+        axes = np.broadcast_to(scales.reshape(len(table), self.axes), (len(table), 3))
         if turns is None:
             return np.asarray(axes * _ROUNDING)
         return np.asarray(np.sqrt(((frames(turns) * axes[:, None, :]) ** 2).sum(axis=2)) * _ROUNDING)

@@ -77,9 +77,10 @@ def open_kernels(
         found.value_range,
         sample.default_slice_spacing,
     )
-    # The same kernels cut in another way have other bricks.
-    told = f"{pieces.token}{most}{found.template!r}{found.template.w0}{found.template.cell_volume}"
-    token = hashlib.blake2b(told.encode(), digest_size=12).hexdigest()
+    # The same kernels cut in another way have other bricks, and with other options other fields.
+    one = found.template
+    told = (pieces.token, most, one.normalization, one.falloff, one.w0, one.cell_volume)
+    token = hashlib.blake2b(repr(told).encode(), digest_size=12).hexdigest()
     source = KernelSource(pieces.name, token, found.template, found.columns, store, segments, partition, found.longest)
     field = BrickedKernels.of(sample, source, facts)
     if "log" not in given:

@@ -10,6 +10,7 @@ import hashlib
 import math
 import os
 import pkgutil
+import uuid
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -282,6 +283,11 @@ def _source(name: str, token: str, volume: Volume, reader: Reader, stored: np.dt
     )
 
 
+def _opened_anew() -> str:
+    """Return a token of data that may change without a sign of it: each time that they are opened another."""
+    return uuid.uuid4().hex
+
+
 def _digest(data: bytes | memoryview) -> str:
     return hashlib.blake2b(data, digest_size=12).hexdigest()
 
@@ -305,7 +311,7 @@ def _of_object(data: Any, name: str) -> BrickSource:
 
         found = placed(data, name)
         volume = found.volume(name, _stand_in(found.array.shape, found.array.dtype))
-        return _source(name, _dask_token(data), volume, DataArrayReader(found))
+        return _source(name, _opened_anew(), volume, DataArrayReader(found))
     if module == "h5py":
         if not Path(str(data.file.filename)).is_file():
             raise complain(f"{name} cannot be opened in bricks", "a file in memory", "a file that all workers can read")
@@ -315,10 +321,10 @@ def _of_object(data: Any, name: str) -> BrickSource:
         if root is not None:
             return _file(str(Path(root) / data.path), {})
         volume = Volume(_stand_in(data.shape, data.dtype))
-        return _source(name, f"{data.store}/{data.path}", volume, LazyReader(data))
+        return _source(name, _opened_anew(), volume, LazyReader(data))
     if module == "dask":
         check_volume(name, data.shape, data.dtype)
-        return _source(name, str(data.name), Volume(_stand_in(data.shape, data.dtype)), LazyReader(data))
+        return _source(name, _opened_anew(), Volume(_stand_in(data.shape, data.dtype)), LazyReader(data))
     raise complain(
         f"{name} cannot be opened in bricks",
         f"{type(data).__name__}, which is read as a whole",
@@ -326,15 +332,6 @@ def _of_object(data: Any, name: str) -> BrickSource:
         "open it with sheetsplat.open",
         kind=Unsupported,
     )
-
-
-def _dask_token(data: Any) -> str:
-    try:
-        from dask.base import tokenize  # type: ignore[import-not-found, import-untyped, unused-ignore]
-
-        return str(tokenize(data))
-    except ImportError:
-        return _digest(np.ascontiguousarray(data.values).data)
 
 
 def _file(text: str, options: Mapping[str, Any]) -> BrickSource:
@@ -430,7 +427,14 @@ def _absolute(located: Any) -> Any:
 
 
 def _zarr_token(located: Any) -> str:
-    return f"{located.path}{located.index}{os.stat(located.path).st_mtime_ns}"
+    """Return what tells a scale from all others, and from itself before any of its chunks was written again."""
+    digest = hashlib.blake2b(repr((str(located.path), located.index)).encode(), digest_size=12)
+    for folder, folders, files in os.walk(located.path):
+        folders.sort()
+        for name in sorted(files):
+            found = os.stat(os.path.join(folder, name), follow_symlinks=False)
+            digest.update(f"{folder}/{name} {found.st_size} {found.st_mtime_ns}\n".encode(errors="surrogateescape"))
+    return digest.hexdigest()
 
 
 def _is_coarser(located: Any, source: BrickSource) -> bool:
@@ -507,4 +511,4 @@ def _remote(url: str, options: Mapping[str, Any]) -> BrickSource:
             raise complain(what, found, f"{needed} bytes of samples, {shown(shape)} of {kind}")
     nk, nj, ni = shape
     reader = RemoteRawReader(url, length, (nk, nj, ni), kind, offset)
-    return _source(url, f"{reader}", Volume(_stand_in(shape, kind)), reader)
+    return _source(url, _opened_anew(), Volume(_stand_in(shape, kind)), reader)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import gc
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -10,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.bricks.draw import draw_brick, is_hidden, renderer_of
+from sheetsplat.bricks.draw import draw_brick, forget_renderers, is_hidden, renderer_of
 from sheetsplat.bricks.kernel_pieces import Pieces
 from sheetsplat.bricks.kernel_source import Columns, Segments, Store
 from sheetsplat.bricks.kernel_survey import KernelSurvey, merge_kernel_surveys, sorted_piece
@@ -60,6 +62,17 @@ def naming(what: str, doing: str = "drawn") -> Iterator[None]:
     except MemoryError:
         what = f"{what} cannot be {doing} by worker {_here()}"
         raise complain(what, "too little memory", "memory for it", "use smaller bricks", kind=OutOfMemory) from None
+
+
+def let_go_of_all() -> None:
+    """Let this process forget all bricks, and what was made of them, and give their memory back."""
+    residents().clear()
+    forget_renderers()
+    gc.collect()
+    # The allocator keeps what was freed; not every C library has this.
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)
 
 
 def _brick_text(source: Any, partition: Partition, number: int) -> str:

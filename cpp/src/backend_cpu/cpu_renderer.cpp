@@ -331,8 +331,7 @@ struct CpuRenderer::State {
             TileScratch<T>& room = rooms[thread];
             const TileShape shape = layout.shape(tile);
             clear_picture(job, setup, shape, room);
-            looked_up.fetch_add(functions.find_extremes(view, shape, room.planes, between),
-                                std::memory_order_relaxed);
+            looked_up.fetch_add(functions.find_extremes(view, shape, room.planes, between), std::memory_order_relaxed);
             copy_picture(shape, room.planes, image, job.frame->size);
         });
         std::size_t bytes = 0;

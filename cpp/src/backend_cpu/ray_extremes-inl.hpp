@@ -138,8 +138,9 @@ class RayExtremes {
   public:
     RayExtremes(const ExtremesView& view, const TileShape& tile, const TilePicture<T>& picture, const Points& points)
         : view_(view), tile_(tile), picture_(picture), points_(points), first_(view.places->places(TileShape{}, 0)),
-          last_(view.places->places(TileShape{}, view.frame->slices - 1)), per_slice_(1.0 / std::max<double>(1.0, most())),
-          radius_(view.places->radius()), past_(view.places->last() + view.places->radius()),
+          last_(view.places->places(TileShape{}, view.frame->slices - 1)),
+          per_slice_(1.0 / std::max<double>(1.0, most())), radius_(view.places->radius()),
+          past_(view.places->last() + view.places->radius()),
           per_value_(1.0 / (view.value_scale * view.bounds->scale())), farthest_(view.bounds->farthest()) {}
 
     /// Writes a tile's numbers. Returns how many points were looked up.
@@ -356,9 +357,8 @@ std::uint64_t find_extremes(const ExtremesView& view, const TileShape& tile, con
                 const auto follow = [&](auto extreme) {
                     return RayExtremes<T, decltype(points), extreme.value>(view, tile, picture, points).run(between);
                 };
-                return view.extreme == Extreme::largest
-                           ? follow(std::integral_constant<Extreme, Extreme::largest>())
-                           : follow(std::integral_constant<Extreme, Extreme::smallest>());
+                return view.extreme == Extreme::largest ? follow(std::integral_constant<Extreme, Extreme::largest>())
+                                                        : follow(std::integral_constant<Extreme, Extreme::smallest>());
             };
             const double radius = view.places->radius();
             return radius <= 2.0   ? within(std::integral_constant<int, 2>())

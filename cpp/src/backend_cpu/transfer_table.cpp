@@ -295,8 +295,8 @@ RampTable<T> make_ramp_table(const TransferFunction& function, double value_unit
         const RampStretch<T>& s = table.stretches[n];
         starts.push_back(s.from);
         T* out = table.records.data() + n * record;
-        const T numbers[] = {s.from,     s.to,           s.per_width, s.color[2],     s.color[0], s.color_step[0],
-                             s.color[1], s.color_step[1], s.color_step[2]};
+        const T numbers[] = {s.from,          s.to,       s.per_width,     s.color[2],     s.color[0],
+                             s.color_step[0], s.color[1], s.color_step[1], s.color_step[2]};
         std::copy(std::begin(numbers), std::end(numbers), out);
         const AbsorptionTerms<RampTable<T>::degree> absorption(s);
         for (int power = 0; power <= RampTable<T>::degree; ++power) {

@@ -231,8 +231,8 @@ double ExtremeBlocks::weights(const RegularField& field, double ripple) {
     return ripple * field.lattice_constant() / field.kernel().gain();
 }
 
-ExtremeFacts extreme_facts(const RegularField& field, double peak, bool smallest,
-                           const std::vector<Clip::Plane>& kept, const Camera& camera, const Frame& frame) {
+ExtremeFacts extreme_facts(const RegularField& field, double peak, bool smallest, const std::vector<Clip::Plane>& kept,
+                           const Camera& camera, const Frame& frame) {
     if (frame.slices == 0 || field.size() == 0 || (!smallest && field.value_range()[1] <= 0.0)) {
         return {};
     }

@@ -129,9 +129,8 @@ ViewFacts view_facts(const Scene& scene, const Camera& camera, const Frame& fram
     const bool smallest = scene.mode == Mode::minimum;
     if ((smallest || scene.mode == Mode::mip) && lattice != nullptr && ExtremeBlocks::fit(*lattice)) {
         const auto peak = facts.lattice_peaks.find(lattice);
-        facts.extremes =
-            extreme_facts(*lattice, peak != facts.lattice_peaks.end() ? peak->second : 0.0, smallest,
-                          scene.clip.half_spaces(), camera, frame);
+        facts.extremes = extreme_facts(*lattice, peak != facts.lattice_peaks.end() ? peak->second : 0.0, smallest,
+                                       scene.clip.half_spaces(), camera, frame);
     }
     return facts;
 }

@@ -52,8 +52,8 @@ struct ExtremesView {
     const LatticeReach* places = nullptr;
     const Frame* frame = nullptr;
     const std::vector<KeptHalfSpace>* kept = nullptr; ///< all of them; none without a clip
-    double value_scale = 1.0; ///< of FieldView
-    double scalar_step = 1.0; ///< what the picture's numbers are multiplied by
+    double value_scale = 1.0;                         ///< of FieldView
+    double scalar_step = 1.0;                         ///< what the picture's numbers are multiplied by
 };
 
 } // namespace sheetsplat::backend_cpu

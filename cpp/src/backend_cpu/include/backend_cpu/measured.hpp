@@ -98,8 +98,8 @@ constexpr double largest_integrated_falloff = 8.0;
 /// for its first and last one.
 constexpr std::size_t most_stretches_to_walk = 12;
 /// Factor by which 1 - opacity changes over a stretch, at most: -ln(1 - opacity) then differs from a polynomial of
-/// degree 2 by 2e-8, in float64 from one of degree 7 by 2e-16 (interpolation at Chebyshev's nodes: 2 / (n + 1) times the
-/// power -(n + 1) of 322, and of 82). Fewer terms are loaded in less time than longer stretches save.
+/// degree 2 by 2e-8, in float64 from one of degree 7 by 2e-16 (interpolation at Chebyshev's nodes: 2 / (n + 1) times
+/// the power -(n + 1) of 322, and of 82). Fewer terms are loaded in less time than longer stretches save.
 template <class T>
 constexpr double most_change = sizeof(T) == 4 ? 1.0125 : 1.05;
 /// Cells a stretch, so that a search rarely goes on beyond the first stretch of its cell; and cells in all.

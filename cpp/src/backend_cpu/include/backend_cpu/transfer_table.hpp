@@ -60,7 +60,8 @@ struct RampTable {
     /// terms, that of x^n divided by n + 1 | from a multiple of four on the integrals over rho up to `from` of
     /// absorption and of absorption times red, green and blue, each as a number and what it has lost. One record more
     /// than stretches; only where there are many.
-    static constexpr int first_term = 9, first_integral = (first_term + degree + 4) / 4 * 4, record = first_integral + 8;
+    static constexpr int first_term = 9, first_integral = (first_term + degree + 4) / 4 * 4,
+                         record = first_integral + 8;
     std::vector<T> records;
     Cells<T> cells;
 };

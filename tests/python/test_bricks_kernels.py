@@ -271,6 +271,21 @@ def test_what_has_no_bricks_is_refused(tmp_path):
     assert pieces_of(np.zeros((4, 4, 4)), {}) is None
 
 
+def test_parquet_is_read_by_path(tmp_path, monkeypatch):
+    path, _ = tables("parquet", kernels("spheres"), tmp_path)
+    from pyarrow import parquet
+
+    with pytest.raises(ss.InvalidInput) as told:
+        ss.open_bricks(tmp_path / "no.parquet")
+    assert told.value.found == "no such file"
+    # Nobody is asked for a URL.
+    monkeypatch.setattr(parquet, "ParquetFile", None)
+    for url in ("s3://nowhere/t.parquet", f"file://{path}", [f"https://nowhere.invalid/{path.name}"]):
+        with pytest.raises(ss.InvalidInput) as told:
+            ss.open_bricks(url)
+        assert told.value.found == "Parquet at a URL" and "raw samples" in told.value.wanted
+
+
 @pytest.mark.slow
 def test_a_cluster_draws_the_picture_of_one_process(tmp_path):
     distributed = pytest.importorskip("distributed", reason="no distributed: pip install 'sheetsplat[distributed]'")

@@ -17,7 +17,7 @@ import numpy as np
 
 from sheetsplat._checks import shown
 from sheetsplat._objects import kind_of_object
-from sheetsplat.bricks.readers import Stamp, placed_errors
+from sheetsplat.bricks.readers import Stamp, is_url, placed_errors
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField
 from sheetsplat.io.records import Scattered
@@ -308,12 +308,16 @@ def _of_parquet(files: Sequence[str], options: Mapping[str, Any]) -> Pieces:
     kernels = _reading(files[0], options, ("scalar",))
     stamps, groups = [], []
     for number, name in enumerate(files):
-        with placed_errors(f"{name} cannot be opened in bricks"):
+        what = f"{name} cannot be opened in bricks"
+        if is_url(name):
+            advice = "pass a DataFrame of dask, which reads URLs: dask.dataframe.read_parquet"
+            raise complain(what, "Parquet at a URL", "its path; at URLs raw samples alone are read", advice)
+        with placed_errors(what), Source(Path(name), "") as source:
             from pyarrow import parquet
 
-            about = parquet.ParquetFile(name).metadata
+            about = parquet.ParquetFile(source.path).metadata
             rows = [about.row_group(group).num_rows for group in range(about.num_row_groups)]
-        stamps.append(Stamp.of(Path(name)))
+            stamps.append(Stamp.of(source.path))
         groups += [(number, group, count) for group, count in enumerate(rows) if count]
     return _some(_ParquetPieces(tuple(stamps), tuple(groups), options.get("scalar"), kernels))
 

@@ -29,6 +29,11 @@ class Reader(Protocol):
         """Return the samples of a box, an array [k, j, i]."""
 
 
+def is_url(text: str) -> bool:
+    """Return whether a text is a URL, and not the path of a file that is there."""
+    return "://" in text and not os.path.lexists(text)
+
+
 @contextlib.contextmanager
 def placed_errors(what: str) -> Iterator[None]:
     """Turn errors of reading into errors that say which samples could not be read."""

@@ -36,6 +36,7 @@ from sheetsplat.bricks.readers import (
     Shape,
     Stamp,
     ZarrReader,
+    is_url,
     placed_errors,
 )
 from sheetsplat.errors import Unsupported, complain, option_ref
@@ -242,7 +243,7 @@ def open_source(data: Any, options: Mapping[str, Any]) -> BrickSource:
         return data
     if isinstance(data, str | os.PathLike):
         text = os.fspath(data)
-        if "://" in text and not os.path.lexists(text):
+        if is_url(text):
             return _remote(text, options)
         return _file(text, options)
     if reading := sorted(options):

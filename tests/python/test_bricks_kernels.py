@@ -286,6 +286,22 @@ def test_parquet_is_read_by_path(tmp_path, monkeypatch):
         assert told.value.found == "Parquet at a URL" and "raw samples" in told.value.wanted
 
 
+def test_whoever_opens_parquet_as_a_whole_is_told_of_bricks(tmp_path):
+    tables("parquet", kernels("spheres"), tmp_path)
+    parts, _ = tables("folder of parquet", kernels("spheres"), tmp_path)
+    for path in (tmp_path / "t.parquet", parts):
+        for read in (ss.open, ss.render, ss.io.read_volume, ss.io.read_scattered):
+            with pytest.raises(ss.InvalidInput) as told:
+                read(path)
+            assert "open_bricks" in told.value.advice and "--workers" in told.value.advice
+    (tmp_path / "t.what").write_bytes(b"what?")
+    (tmp_path / "others").mkdir()
+    for path in (tmp_path / "t.what", tmp_path / "others"):
+        with pytest.raises(ss.InvalidInput) as told:
+            ss.open(path)
+        assert "open_bricks" not in told.value.advice
+
+
 @pytest.mark.slow
 def test_a_cluster_draws_the_picture_of_one_process(tmp_path):
     distributed = pytest.importorskip("distributed", reason="no distributed: pip install 'sheetsplat[distributed]'")

@@ -20,13 +20,13 @@ from sheetsplat._objects import kind_of_object
 from sheetsplat.bricks.readers import Stamp, is_url, placed_errors
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField
+from sheetsplat.io.formats import PARQUET
 from sheetsplat.io.records import Scattered
 from sheetsplat.io.source import Source
 
 #: Options that say what of a table is read, and which kernels it becomes.
 READING = ("scalar", "particles", "support")
 KERNELS = ("normalization", "w0", "falloff", "min_scale")
-_PARQUET = (".parquet", ".pq")
 # Rows of a piece, at most; of Parquet a piece is a row group.
 _ROWS = 1 << 20
 # Weights that are all 0 in a piece need not be so in all.
@@ -237,7 +237,7 @@ def pieces_of(data: Any, options: Mapping[str, Any], client: Any = None) -> Piec
         files = [name for one in data for name in _files(os.fspath(one))]
     else:
         return None
-    if files and all(Path(name).suffix.lower() in _PARQUET for name in files):
+    if files and all(Path(name).suffix.lower() in PARQUET for name in files):
         return _of_parquet(files, options)
     if files and all(_holds_particles(name, options) for name in files):
         return _of_hdf5(files, options)
@@ -260,7 +260,7 @@ def _checked(field: EllipsoidField) -> EllipsoidField:
 def _files(text: str) -> list[str]:
     """Return the files of Parquet in a folder, sorted; a file itself."""
     if os.path.isdir(text):
-        return sorted(name for suffix in _PARQUET for name in glob.glob(os.path.join(glob.escape(text), f"*{suffix}")))
+        return sorted(name for suffix in PARQUET for name in glob.glob(os.path.join(glob.escape(text), f"*{suffix}")))
     return [text]
 
 

@@ -54,9 +54,9 @@ def open_bricks(path_or_array: Any, **options: Unpack[OpenBricksOptions]) -> Bri
     path_or_array
         A file of raw samples (with `shape` and `dtype`), .npy, HDF5 (FILE:/dataset), NetCDF, a folder of Zarr or
         OME-Zarr (FOLDER:/array); a URL of raw samples that fsspec reads; or an array [k, j, i] of NumPy, dask, Zarr,
-        h5py or xarray. Kernels with their sizes: HDF5 with particles, Parquet with columns as those of `open` (a file,
-        a folder, several paths), a DataFrame of dask, pandas or polars, a dict of columns, or an EllipsoidField. All
-        workers must be able to read a file by the same path.
+        h5py or xarray. Kernels with their sizes: HDF5 with particles, Parquet with the columns that `open` takes of
+        .csv (a file, a folder, several paths), a DataFrame of dask, pandas or polars, a dict of columns, or an
+        EllipsoidField. All workers must be able to read a file by the same path.
     **options
         Those of OpenBricksOptions.
 

@@ -26,6 +26,9 @@ _FEW, _MANY = 3, 200
 _ZIP = (b"PK\x03\x04", b"PK\x05\x06")
 _XML = (b"<?xml", b"<VTKFile", b"<!--", b"<!DOCTYPE")
 _VTK_TYPE = re.compile(rb"<VTKFile[^>]*\stype\s*=\s*[\"']([A-Za-z]{1,40})[\"']")
+#: Names of what is read in bricks alone.
+PARQUET = (".parquet", ".pq")
+_IN_BRICKS = "Parquet is read in bricks: by sheetsplat.open_bricks, on the command line with --brick or --workers"
 #: Entry points by which other packages add formats.
 ENTRY_POINTS = "sheetsplat.readers"
 # Bytes by which a format is recognized.
@@ -402,14 +405,16 @@ def format_of(source: Source | Folder, *, raw_options: bool = False) -> Format:
             f"{source.path} cannot be read",
             "a folder",
             "a regular file, or a folder of a DICOM series, of TIFF slices, or of a Zarr array",
+            _IN_BRICKS if any(one.suffix.lower() in PARQUET for one in source.files()) else "",
         )
     if raw_options:
         return BY_NAME["raw"]
+    advice = "for raw samples give their shape and their type, for a PLOT3D solution its grid"
     raise complain(
         f"{source.path} cannot be read",
         "an empty file" if not source.head(_HEAD) else "a format that is not known",
         f"{LISTED_REGULAR}; scattered data as {LISTED_SCATTERED}; each also gzipped",
-        "for raw samples give their shape and their type, for a PLOT3D solution its grid",
+        _IN_BRICKS if source.path.suffix.lower() in PARQUET else advice,
     )
 
 

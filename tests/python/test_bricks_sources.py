@@ -168,3 +168,34 @@ def test_data_that_were_written_again_are_read_again(kind, samples, tmp_path):
         np.testing.assert_allclose(bricked.at(place), whole.at(place), rtol=1e-5)
         np.testing.assert_allclose(pictures[-1], expected.scalar, rtol=1e-4, atol=1e-4 * expected.scalar.max())
     assert not np.allclose(pictures[0], pictures[1], rtol=0.01)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_damaged_zarr_chunk_is_named(version, samples, tmp_path):
+    zarr = pytest.importorskip("zarr")
+    path = tmp_path / "v.zarr"
+    array = zarr.create_array(path, shape=SHAPE, chunks=(16, 16, 16), dtype=samples.dtype, zarr_format=version)
+    array[:] = samples
+    chunk = path / ("1.2.1" if version == 2 else "c/1/2/1")
+    for content in (b"nothing", bytes(50_000)):
+        chunk.write_bytes(content)
+        for read in (ss.open_bricks, ss.open):
+            with pytest.raises(ss.InvalidInput) as told:
+                read(path)
+            assert str(chunk) in told.value.found
+        # Others are read as they were.
+        np.testing.assert_array_equal(open_source(path, {}).read(((0, 37), (0, 32), (0, 41))), samples[:, :32])
+
+
+def test_zarr_in_shards_is_refused_when_it_is_opened(samples, tmp_path):
+    zarr = pytest.importorskip("zarr")
+    dask = pytest.importorskip("dask.array")
+    path = tmp_path / "v.zarr"
+    array = zarr.create_array(path, shape=SHAPE, chunks=(8, 8, 8), shards=(32, 32, 32), dtype=samples.dtype)
+    array[:] = samples
+    for data in (path, array):
+        with pytest.raises(ss.Unsupported) as told:
+            open_source(data, {})
+        assert "sharding_indexed" in told.value.found and "dask.array.from_zarr" in told.value.advice
+    source = open_source(dask.from_zarr(str(path)), {})
+    np.testing.assert_array_equal(source.read(((0, 37), (3, 40), (30, 41))), samples[:, 3:40, 30:])

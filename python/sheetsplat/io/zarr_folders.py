@@ -22,10 +22,10 @@ import numpy as np
 
 from sheetsplat import _memory
 from sheetsplat._checks import Triple, shown, triple
-from sheetsplat.errors import Error, Unsupported, complain, option_ref
+from sheetsplat.errors import Error, InvalidInput, Unsupported, complain, option_ref
 from sheetsplat.io.checks import checked_shape, chosen_step, listed, printable, unreadable
 from sheetsplat.io.records import Volume
-from sheetsplat.io.source import DEFLATE_RATIO, Folder
+from sheetsplat.io.source import DEFLATE_RATIO, Folder, guarded
 from sheetsplat.quantity import Quantity
 
 _LONGEST_METADATA = 1 << 20
@@ -37,6 +37,8 @@ _PLAIN = ("bytes", "endian", "transpose", "crc32c", "crc32", "shuffle", "delta",
           "adler32", "fletcher32")  # fmt: skip
 # Compressors whose data say how long they are unpacked, and those with a known ratio.
 _PACKED = ("blosc", "zstd", "lz4", "zlib", "gzip")
+# Several chunks in a file.
+_SHARDS = "sharding_indexed"
 _UNITS = {"micrometer": "µm", "nanometer": "nm", "millimeter": "mm", "meter": "m", "angstrom": "Å"}
 # Of the memory that is available, the share that the samples of a picture may take: they are copied and prefiltered.
 _SHARE = 0.2
@@ -126,7 +128,9 @@ def _codecs(path: Path) -> list[tuple[str, Any]]:
     for name, _ in found:
         if name.removeprefix("numcodecs.") not in (*_PLAIN, *_PACKED):
             known = ", ".join((*_PACKED, *_PLAIN))
-            raise complain(f"{path} cannot be read", f"the codec {shown(name)}", f"one of {known}", kind=Unsupported)
+            advice = "open it with dask.array.from_zarr, and pass that array" if name == _SHARDS else ""
+            what, wrong = f"{path} cannot be read", f"the codec {shown(name)}"
+            raise complain(what, wrong, f"one of {known}", advice, kind=Unsupported)
     return found
 
 
@@ -184,23 +188,27 @@ class _ChunkCheck:
         """Raise InvalidInput for a file that unpacks to more than a chunk has."""
         size = self._regular(where)
         if size > self.most:
-            raise unreadable(self.path, f"a chunk of {size} bytes", f"at most {self.most}")
+            raise self._wrong(where, f"of {size} bytes", f"at most {self.most}")
         if not self.packer or (self.packer in ("zlib", "gzip") and size * DEFLATE_RATIO <= self.much):
             return
         with open(where, "rb") as stream:
             if self.packer == "blosc" and (stated := _blosc_size(stream.read(16))) > size:
-                raise unreadable(self.path, f"a chunk of {size} bytes", f"{stated}, as its header says")
+                raise self._wrong(where, f"of {size} bytes", f"{stated}, as its header says")
             stream.seek(0)
             found = _unpacked_size(self.packer, stream, self.most)
         if found > self.most:
-            raise unreadable(self.path, f"a chunk that unpacks to {found} bytes or more", f"at most {self.most}")
+            raise self._wrong(where, f"that unpacks to {found} bytes or more", f"at most {self.most}")
 
     def _regular(self, where: str) -> int:
         """Return the size of a file; InvalidInput for pipes and devices, which would be waited for."""
         found = os.stat(where)
         if not stat.S_ISREG(found.st_mode):
-            raise unreadable(self.path, f"{shown(os.path.basename(where))}, which is no regular file", "a file")
+            raise unreadable(self.path, f"{shown(where)}, which is no regular file", "a file")
         return found.st_size
+
+    def _wrong(self, where: str, found: str, wanted: str) -> Error:
+        # Whoever reads a part of the array says what of it, not which file that is.
+        return unreadable(self.path, f"a chunk {found}, {shown(where)}", wanted)
 
     def metadata(self) -> None:
         """Check what Zarr reads of the array beside its chunks."""
@@ -285,15 +293,29 @@ def _read_array(path: Path, index: tuple[Any, ...]) -> Any:
         2 * (math.prod(last - first for first, last, _ in steps) + math.prod(chunks)) * dtype.itemsize,
         f"the samples of {path}",
     )
+    touched = [range(first // chunk, (last - 1) // chunk + 1)
+               for (first, last, _), chunk in zip(steps, chunks, strict=True)]  # fmt: skip
     if any(isinstance(one, slice) and one != slice(None) for one in index):
-        touched = [range(first // chunk, (last - 1) // chunk + 1)
-                   for (first, last, _), chunk in zip(steps, chunks, strict=True)]  # fmt: skip
         check.these(_chunk_keys(path, touched))
     else:
         check.all()
     check.metadata()
     store = zarr.storage.LocalStore(path, read_only=True)
-    return np.asarray(zarr.open_array(store=store, mode="r")[index])
+    array = zarr.open_array(store=store, mode="r")
+    try:
+        return np.asarray(array[index])
+    except (MemoryError, ImportError):
+        raise
+    except Exception:
+        # Zarr does not say which one it was.
+        for numbers, key in zip(itertools.product(*touched), _chunk_keys(path, touched), strict=True):
+            places = zip(numbers, chunks, strict=True)
+            try:
+                with guarded(path):
+                    array[tuple(slice(at * size, (at + 1) * size) for at, size in places)]
+            except InvalidInput as error:
+                raise unreadable(path, f"{error.found} in {path / key}", error.wanted, error.advice) from error
+        raise
 
 
 def _plain(path: Path) -> Located:
@@ -435,6 +457,12 @@ def read(source: Folder, name: str | None = None, step: int | None = None) -> Vo
 
 def locate(source: Folder, name: str | None = None, step: int | None = None, limit: float = math.inf) -> Located:
     """Return what `read` reads without its samples; of an OME-Zarr image the finest scale of at most `limit` bytes."""
+    found = _located(source, name, step, limit)
+    _codecs(found.path)
+    return found
+
+
+def _located(source: Folder, name: str | None, step: int | None, limit: float) -> Located:
     root, told = _image(source)
     if told:
         return _multiscale(root, told, name, step, limit)

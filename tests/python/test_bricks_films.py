@@ -172,6 +172,23 @@ def test_the_command_line_films_in_bricks(samples, tmp_path, cluster):
 
 
 @pytest.mark.slow
+def test_a_command_says_of_damaged_data_one_line(samples, tmp_path):
+    pytest.importorskip("distributed")
+    zarr = pytest.importorskip("zarr")
+    array = zarr.create_array(tmp_path / "v.zarr", shape=samples.shape, chunks=(16, 16, 16), dtype=samples.dtype)
+    array[:] = samples
+    (tmp_path / "v.zarr" / "c" / "1" / "1" / "1").write_bytes(b"nothing")
+    command = [sys.executable, "-m", "sheetsplat", "render", str(tmp_path / "v.zarr"), "-o", str(tmp_path / "x.png")]
+    command += ["--workers", "1", "--brick", "16"]
+    told = [subprocess.run([*command, *more], capture_output=True, text=True, timeout=120) for more in ([], ["-v"])]
+    assert [one.returncode for one in told] == [1, 1]
+    (line,) = told[0].stderr.splitlines()
+    assert line.startswith("sheetsplat: brick ") and "c/1/1/1" in line
+    # What the processes say themselves.
+    assert len(told[1].stderr.splitlines()) > 5
+
+
+@pytest.mark.slow
 @pytest.mark.usefixtures("ctrl_c")
 def test_a_viewer_with_workers_ends_quietly(samples, tmp_path):
     pytest.importorskip("distributed")

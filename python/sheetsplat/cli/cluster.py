@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import signal
 import threading
 from collections.abc import Callable, Iterator, Mapping
@@ -23,6 +24,7 @@ from sheetsplat.options.film import MOST_WORKERS
 if TYPE_CHECKING:
     from sheetsplat.fields import BrickedField, BrickedKernels
 
+_log = logging.getLogger("sheetsplat")
 _GROUP = "Data in bricks"
 _WORKERS = click.option(
     "--workers",
@@ -116,7 +118,8 @@ def started(count: int) -> Iterator[Any]:
                 # Any free port of this machine: distributed warns where the usual one is taken, dashboard or not.
                 dashboard_address="127.0.0.1:0",
                 scheduler_kwargs={"dashboard": False},
-                silence_logs=40,
+                # What processes say of a brick that cannot be read comes as the error of the command.
+                silence_logs=logging.ERROR if _log.isEnabledFor(logging.INFO) else logging.CRITICAL,
             )
     except (OSError, RuntimeError, TimeoutError) as error:
         raise complain("processes that draw bricks cannot be started", str(error), f"{count}", kind=Error) from error

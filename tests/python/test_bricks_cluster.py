@@ -346,6 +346,20 @@ def test_workers_of_another_version_are_refused(cluster, samples, monkeypatch):
         ss.open_bricks(samples, client=cluster)
 
 
+def test_a_scheduler_without_workers_is_told(samples, monkeypatch):
+    distributed = pytest.importorskip("distributed")
+    from sheetsplat.bricks import cluster as module
+
+    monkeypatch.setattr(module, "_PATIENCE", 0.3)
+    with (
+        distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None, silence_logs=50) as made,
+        distributed.Client(made, set_as_default=False) as client,
+        pytest.raises(ss.Error) as told,
+    ):
+        ss.open_bricks(samples, client=client)
+    assert told.value.found == "no worker that answers" and "with workers" in told.value.wanted
+
+
 @pytest.mark.slow
 def test_workers_are_there_while_a_client_looks_after_its_scheduler(cluster):
     import dask

@@ -291,11 +291,11 @@ def _connected(client: Any) -> Iterator[None]:
             "give workers more memory, or use smaller bricks",
             kind=Error,
         ) from None
-    except (OSError, TimeoutError, distributed.CancelledError) as error:
-        if client.status in ("running", "connecting") and not isinstance(error, OSError | distributed.CancelledError):
+    except (OSError, distributed.CancelledError) as error:
+        found = f"a connection that was lost ({client.status})"
+        # It is an OSError too.
+        if isinstance(error, TimeoutError) and client.status in ("running", "connecting"):
             found = "no worker that answers"
-        else:
-            found = f"a connection that was lost ({client.status})"
         address = getattr(getattr(client, "scheduler", None), "address", "")
         raise complain(
             f"the scheduler {address} cannot be used", found, "a scheduler that runs, with workers", kind=Error

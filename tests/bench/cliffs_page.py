@@ -22,6 +22,8 @@ Times of frames on backend `cpu` with an effect, divided by those of the plain f
 field with the same slices. `./run bench cliffs interactive --output FOLDER` measures them, and
 `python -m bench.cliffs_page FOLDER` (with `tests` on the path) writes this page.
 [effects.md](effects.md) says what the effects are."""
+_WHY = """[measurements.md](measurements.md) has the profiles of perspective, pre-integration, second order, analytic
+gradients and shadows, and what was tried."""
 _READING = """A figure is the least processor time of up to five frames, each from another direction, over that of the
 plain frame; the two are drawn in turn, so that other load on the machine slows both. In brackets: the first frame with
 the effect by a renderer that has drawn the plain scene, where it takes over 1.5 times as long as later ones. The
@@ -60,6 +62,23 @@ def _effects(rows: Sequence[dict[str, Any]]) -> str:
     return _table(["effect", "aim", *fields], lines)
 
 
+def _above(rows: Sequence[dict[str, Any]]) -> str:
+    """Return which single effects take longer than is aimed at, with the pages that say why."""
+    found: dict[str, list[str]] = {}
+    for row in rows:
+        effect = EFFECTS.get(row.get("row", ""))
+        if effect is None or "ratio" not in row:
+            continue
+        for time, aim, what in (
+            (row["ratio"], effect.wanted, ""),
+            (row["first_ratio"], effect.wanted_first, "first frame "),
+        ):
+            if aim is not None and time > aim:
+                found.setdefault(effect.name, []).append(f"{row['field']} {what}{time:.3g}")
+    lines = [f"- {name} ({_aim(name)}): {', '.join(found[name])}" for name in EFFECTS if name in found]
+    return "\n".join([*lines, "", _WHY] if lines else ["None."])
+
+
 def _plain(rows: Sequence[dict[str, Any]]) -> str:
     """Return the plain frames' times in words."""
     least: dict[str, float] = {}
@@ -85,6 +104,8 @@ def page(cliffs: dict[str, Any], interactive: dict[str, Any] | None = None) -> s
         f"Processor time of the plain frame, ms: {_plain(rows)}.",
         "## Each effect",
         _effects(rows),
+        "### Above their aims",
+        _above(rows),
         "## Pairs of effects",
         f"Of {measured} rows, these pairs take over {_STEEP:g} times the product of what their parts take alone, at "
         "least 1 each.",

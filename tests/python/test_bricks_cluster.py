@@ -14,9 +14,10 @@ from bricked_volumes import ROUNDING, SHAPE, SIZE, blob, rmse, stored
 
 import sheetsplat as ss
 from sheetsplat import api
-from sheetsplat.bricks.cluster import addresses, covering
+from sheetsplat.bricks.cluster import covering
 from sheetsplat.bricks.needs import view_of
 from sheetsplat.bricks.resident import residents
+from sheetsplat.bricks.workers import addresses
 
 MODES = ("composite", "isosurface", "xray", "mip", "minimum", "average")
 
@@ -94,9 +95,9 @@ def test_bits_do_not_depend_on_the_number_of_workers(cluster, samples, stop):
     both = ss.render(bricked, client=cluster, size=SIZE, opacity_stop=stop)
     # Without a stop bricks are drawn in any order.
     assert rmse(both, ss.render(bricked, size=SIZE, opacity_stop=stop)) <= ROUNDING
-    from sheetsplat.bricks import cluster as module
+    from sheetsplat.bricks import workers as module
 
-    known = module._cluster(cluster)
+    known = module.workers_of(cluster)
     for number in range(64):
         known.held(bricked.source).places[number] = known.workers[0]
     one = ss.render(bricked, client=cluster, size=SIZE, opacity_stop=stop)
@@ -159,9 +160,9 @@ def bytes_of_data(dask_worker):
 
 
 def test_workers_let_go_of_fields_that_are_gone(cluster):
-    from sheetsplat.bricks import cluster as module
+    from sheetsplat.bricks import workers as module
 
-    known = module._cluster(cluster)
+    known = module.workers_of(cluster)
     gc.collect()
     before = set(known._held)
     values = np.random.default_rng(3).integers(0, 255, (128, 128, 128), dtype=np.uint8)
@@ -338,17 +339,17 @@ def test_a_picture_that_is_given_up_leaves_the_workers_idle(cluster):
 
 
 def test_workers_of_another_version_are_refused(cluster, samples, monkeypatch):
-    from sheetsplat.bricks import cluster as module
+    from sheetsplat.bricks import workers as module
 
     monkeypatch.setattr(module, "__version__", "0.0.1")
-    monkeypatch.setattr(module, "_clusters", {})
+    monkeypatch.setattr(module, "_known", {})
     with pytest.raises(ss.Unsupported, match=r"sheetsplat \S+ on worker tcp://.*wanted 0\.0\.1, as here"):
         ss.open_bricks(samples, client=cluster)
 
 
 def test_a_scheduler_without_workers_is_told(samples, monkeypatch):
     distributed = pytest.importorskip("distributed")
-    from sheetsplat.bricks import cluster as module
+    from sheetsplat.bricks import workers as module
 
     monkeypatch.setattr(module, "_PATIENCE", 0.3)
     with (

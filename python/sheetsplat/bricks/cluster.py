@@ -13,17 +13,13 @@ import itertools
 import threading
 import time
 import uuid
-import weakref
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat._sheetsplat import __version__
 from sheetsplat.bricks.kernel_pieces import Pieces
 from sheetsplat.bricks.kernel_source import Columns, Segments, Store
 from sheetsplat.bricks.kernel_survey import KernelSurvey
@@ -64,7 +60,8 @@ from sheetsplat.bricks.tasks import (
     survey_piece,
 )
 from sheetsplat.bricks.view import BrickView
-from sheetsplat.errors import Cancelled, Error, OutOfMemory, Unsupported, complain, missing_package, option_ref
+from sheetsplat.bricks.workers import Workers, addresses, connected, memory_limit, paused_workers, workers_of
+from sheetsplat.errors import Cancelled, Error, OutOfMemory, complain, option_ref
 from sheetsplat.fields import BrickedField, BrickedKernels
 from sheetsplat.options.renderer import Progress
 
@@ -72,7 +69,6 @@ from sheetsplat.options.renderer import Progress
 _LOOK = 0.05
 # Seconds between two looks at which workers there are, and how many may be lost in one picture.
 _WATCH = 0.5
-_PATIENCE = 10.0
 _MOST_LOST = 4
 # Seconds without a task that is done until it is looked for workers that dask has paused, and until these, which have
 # let go of all that they kept meanwhile, are given up.
@@ -83,16 +79,6 @@ _GIVEN_UP = 30.0
 _ALL_OF_IT = 0.25
 _BORDERS = 1.8
 _KERNEL_BYTES = 112
-# Sources that hold more than this are sent to the workers once.
-_LARGE = 1 << 20
-
-
-def addresses(client: Any) -> set[str]:
-    """Return the addresses of all workers; OSError where the scheduler is gone."""
-    if client.status != "running":
-        raise OSError(client.status)
-    # Not `scheduler_info`, which a thread of the client fills anew every other second, without workers.
-    return set(client.nthreads())
 
 
 def frames_side_by_side(client: Any, field: BrickedField | BrickedKernels) -> int:
@@ -107,8 +93,8 @@ def frames_side_by_side(client: Any, field: BrickedField | BrickedKernels) -> in
     Error
         Where there is no worker, or the scheduler is gone.
     """
-    _cluster(client).check()
-    with _connected(client):
+    workers_of(client).check()
+    with connected(client):
         limits = [one or 0 for one in client.run(memory_limit).values()]
     return len(limits) if limits and min(limits) * _ALL_OF_IT >= _kept_bytes(field) else 0
 
@@ -119,187 +105,6 @@ def _kept_bytes(field: BrickedField | BrickedKernels) -> float:
         return _BORDERS * _KERNEL_BYTES * field.kernels
     sample = field.source.dtype.itemsize + (np.dtype(np.float32).itemsize if field.prefilter else 0)
     return _BORDERS * sample * field.survey.size
-
-
-@dataclass(eq=False)
-class _Held:
-    """What workers have of some data, as long as anything shows these.
-
-    Attributes
-    ----------
-    owners
-        Identities of the objects that exist as long as that.
-    places
-        Which worker each brick or piece is asked of.
-    sent
-        Futures of sources that the workers were sent, by their texts.
-    """
-
-    owners: set[int] = field(default_factory=set)
-    places: dict[int, str] = field(default_factory=dict)
-    sent: dict[str, Any] = field(default_factory=dict)
-
-
-class _Cluster:
-    """What the client knows of its workers: which were checked, which has which brick, and what they were sent."""
-
-    def __init__(self, client: Any) -> None:
-        self._client = weakref.ref(client)
-        self._checked: set[str] = set()
-        # Dask's processes count by spans as long as they live, and each picture would be a new one.
-        self.span = {"name": ("sheetsplat",), "ids": (uuid.uuid4().hex,)}
-        # By the token of the data.
-        self._held: dict[str, _Held] = {}
-        # Of one picture, by what it depends on: the future, those who had a part in it, and the token of its data.
-        self._kept: dict[bytes, tuple[Any, frozenset[str], str]] = {}
-
-    def check(self) -> None:
-        """Raise an error where there is no worker, or one with another version of this package."""
-        client = self._client()
-        assert client is not None
-        with _connected(client):
-            known = addresses(client)
-            if not known:
-                client.wait_for_workers(1, timeout=_PATIENCE)
-                known = addresses(client)
-            new = sorted(known - self._checked)
-            found = client.run(_version, workers=new, on_error="return") if new else {}
-        for address, version in sorted(found.items()):
-            if isinstance(version, OSError):
-                # It ended meanwhile.
-                known.discard(address)
-            elif version != __version__:
-                there = f"{version}" if isinstance(version, str) else f"none that can be used ({version})"
-                raise complain(
-                    "a picture cannot be drawn by these workers",
-                    f"sheetsplat {there} on worker {address}",
-                    f"{__version__}, as here",
-                    "install the same version everywhere",
-                    kind=Unsupported,
-                )
-        if not known:
-            raise complain("a picture cannot be drawn", "no worker that answers", "workers that live", kind=Error)
-        self._checked |= known
-        self.workers = sorted(known)
-
-    def held(self, source: Any) -> _Held:
-        """Return what workers have of the data of a source; it is let go with the last source that shows them."""
-        held = self._held.get(source.token, _Held())
-        owner = getattr(source, "owner", source)
-        if id(owner) not in held.owners:
-            held.owners.add(id(owner))
-            weakref.finalize(owner, _let_go, weakref.ref(self), source.token, id(owner)).atexit = False
-        self._held[source.token] = held
-        return held
-
-    def let_go(self, token: str, owner: int) -> None:
-        """Forget what workers have of data that nothing shows any more."""
-        held = self._held.get(token)
-        if held is not None:
-            held.owners.discard(owner)
-            if not held.owners:
-                del self._held[token]
-                self._kept = {key: kept for key, kept in self._kept.items() if kept[2] != token}
-
-    def place(self, source: Any, number: int) -> str:
-        """Return the worker that a brick is asked of: the same one as before while it is there."""
-        places = self.held(source).places
-        found = places.get(number)
-        if found not in self.workers:
-            found = places[number] = self.workers[number % len(self.workers)]
-        return found
-
-    def kept(self, key: bytes) -> Any:
-        """Return the future of what an earlier picture made, or None."""
-        found, workers, _ = self._kept.get(key, (None, frozenset(), ""))
-        # What is made by workers that are gone would be waited for in vain.
-        usable = found is not None and found.status in ("pending", "finished") and workers <= set(self.workers)
-        return found if usable else None
-
-    def keep(self, key: bytes, future: Any, source: Any) -> None:
-        """Keep what one picture of a source makes for those after it, in place of what was kept before."""
-        self._kept = {key: (future, frozenset(self.workers), source.token)}
-
-    def drop_unfinished(self) -> None:
-        """Give up what was to be kept and is not made yet, unless a picture waits for it."""
-        self._kept = {key: kept for key, kept in self._kept.items() if kept[0].status == "finished"}
-
-    def sent(self, client: Any, source: Any) -> Any:
-        """Return what tasks take for a source: one with large arrays is sent to the workers once."""
-        if getattr(source, "carried", 0) <= _LARGE:
-            return source
-        sent, key = self.held(source).sent, repr(source)
-        if key not in sent or sent[key].status != "finished":
-            sent[key] = client.scatter(source, hash=False)
-        return sent[key]
-
-
-def _let_go(cluster: weakref.ref[_Cluster], token: str, owner: int) -> None:
-    known = cluster()
-    if known is not None:
-        known.let_go(token, owner)
-
-
-# By the identity of the client, which cannot be a key where it is compared by something else.
-_clusters: dict[int, tuple[Any, _Cluster]] = {}
-
-
-def _cluster(client: Any) -> _Cluster:
-    for key in [key for key, (known, _) in _clusters.items() if known() is None]:
-        del _clusters[key]
-    found = _clusters.get(id(client))
-    if found is None or found[0]() is not client:
-        found = (weakref.ref(client), _Cluster(client))
-        _clusters[id(client)] = found
-    return found[1]
-
-
-def memory_limit(dask_worker: Any) -> int | None:
-    """Return the memory that a worker may take; None: any. `Client.run` gives the worker by this name."""
-    limit: int | None = dask_worker.memory_manager.memory_limit
-    return limit
-
-
-def paused_workers(dask_scheduler: Any) -> list[str]:
-    """Return the workers that begin no task. `Client.run_on_scheduler` gives the scheduler by this name."""
-    return [address for address, one in dask_scheduler.workers.items() if one.status.name == "paused"]
-
-
-def _version() -> str:
-    from sheetsplat._sheetsplat import __version__
-
-    return str(__version__)
-
-
-@contextmanager
-def _connected(client: Any) -> Iterator[None]:
-    """Turn errors of the cluster into errors of this package."""
-    try:
-        import distributed
-    except ImportError as error:
-        raise missing_package("a cluster cannot be used", error) from error
-    try:
-        yield
-    except Error:
-        raise
-    except distributed.KilledWorker as error:
-        number = str(error.task).rsplit("-", 1)[-1]
-        raise complain(
-            f"brick {number} cannot be drawn",
-            f"workers that ended while they drew it, the last at {error.last_worker.address}",
-            "workers that live",
-            "give workers more memory, or use smaller bricks",
-            kind=Error,
-        ) from None
-    except (OSError, distributed.CancelledError) as error:
-        found = f"a connection that was lost ({client.status})"
-        # It is an OSError too.
-        if isinstance(error, TimeoutError) and client.status in ("running", "connecting"):
-            found = "no worker that answers"
-        address = getattr(getattr(client, "scheduler", None), "address", "")
-        raise complain(
-            f"the scheduler {address} cannot be used", found, "a scheduler that runs, with workers", kind=Error
-        ) from error
 
 
 class Pending:
@@ -318,7 +123,7 @@ class Pending:
     """
 
     def __init__(
-        self, client: Any, what: str, submit: Callable[[_Cluster], dict[str, Any]], convert: Callable[[Any], Any]
+        self, client: Any, what: str, submit: Callable[[Workers], dict[str, Any]], convert: Callable[[Any], Any]
     ) -> None:
         self._client, self._what, self._submit, self._convert = client, what, submit, convert
         self._tasks: list[Any] = []
@@ -328,10 +133,10 @@ class Pending:
         self._begin()
 
     def _begin(self) -> None:
-        cluster = _cluster(self._client)
+        cluster = workers_of(self._client)
         cluster.check()
         self._workers = set(cluster.workers)
-        with _connected(self._client):
+        with connected(self._client):
             self._tasks = list(self._submit(cluster).values())
             self._count = len(self._tasks)
             done = threading.Event()
@@ -351,7 +156,7 @@ class Pending:
         """
         try:
             while True:
-                with _connected(self._client):
+                with connected(self._client):
                     while not self._tasks[-1].done() and self._all_there():
                         self._stalled.look(self._let_go())
                         self._tell(progress)
@@ -377,7 +182,7 @@ class Pending:
 
     def _again(self) -> None:
         """Begin again with the workers that are left; what they keep is not read again."""
-        with _connected(self._client):
+        with connected(self._client):
             # A worker that restarts has a new address. Without one that is gone, its data alone were lost.
             gone = self._workers - addresses(self._client)
             self._lost += sorted(gone - set(self._lost)) or ["unknown"] * (not gone)
@@ -419,7 +224,7 @@ class Pending:
         for one in self._tasks:
             one.release()
         self._tasks = []
-        _cluster(self._client).drop_unfinished()
+        workers_of(self._client).drop_unfinished()
 
 
 class _Stalled:
@@ -472,7 +277,7 @@ class _Tasks:
         What else all of them take. It is sent once, and is one object for all tasks of a worker.
     """
 
-    def __init__(self, client: Any, cluster: _Cluster, source: Any, shared: Any) -> None:
+    def __init__(self, client: Any, cluster: Workers, source: Any, shared: Any) -> None:
         self._client, self._cluster, self._source = client, cluster, source
         self._run, self._names = uuid.uuid4().hex, itertools.count()
         self._sent = cluster.sent(client, source)
@@ -529,7 +334,7 @@ def each(
 ) -> Any:  # fmt: skip
     """Return what a task says of each brick or piece, merged."""
 
-    def submit(cluster: _Cluster) -> dict[str, Any]:
+    def submit(cluster: Workers) -> dict[str, Any]:
         tasks = _Tasks(client, cluster, source, shared)
         tasks.merged(*merge, [tasks.place(*task, number) for number in range(count)])
         return tasks.submit()
@@ -578,7 +383,7 @@ def probe(
 ) -> dict[int, tuple[NDArray[np.float64], NDArray[np.int64]]]:
     """Return what `Probing.sums` says of the points in each of some bricks; raises what `survey` does."""
 
-    def submit(cluster: _Cluster) -> dict[str, Any]:
+    def submit(cluster: Workers) -> dict[str, Any]:
         tasks = _Tasks(client, cluster, source, probing)
         asked = [tasks.place("probe-brick", probe_brick, number, places) for number, places in jobs.items()]
         tasks.merged("merge-values", merge_values, asked)
@@ -605,7 +410,7 @@ class _Light:
     def __init__(
         self,
         tasks: _Tasks,
-        cluster: _Cluster,
+        cluster: Workers,
         view: BrickView,
         field: BrickedField | BrickedKernels,
         dimming: Sequence[int],
@@ -645,7 +450,7 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
     tree = grouped(view.nested(), shown)
     of_light = 0
 
-    def submit(cluster: _Cluster) -> dict[str, Any]:
+    def submit(cluster: Workers) -> dict[str, Any]:
         nonlocal of_light
         tasks = _Tasks(client, cluster, source, view)
         if tree is None:
@@ -675,7 +480,7 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
         finished, (reads, count, done, coarse) = found
         return finished, {
             "bricks": float(len(view.partition)),
-            "workers": float(len(_cluster(client).workers)),
+            "workers": float(len(workers_of(client).workers)),
             "bricks_drawn": float(done),
             "bricks_coarse": float(coarse),
             "bricks_read": float(reads),
@@ -698,7 +503,7 @@ def begin_measure(
     dimming = [number for number in range(len(view.partition)) if may_dim(field, view, number)]
     probes = Probes.of(view, opacity)
 
-    def submit(cluster: _Cluster) -> dict[str, Any]:
+    def submit(cluster: Workers) -> dict[str, Any]:
         # Light is made from the view alone.
         before = _Tasks(client, cluster, field.source, view)
         lit = _Light(before, cluster, view, field, dimming)

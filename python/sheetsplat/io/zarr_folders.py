@@ -203,12 +203,12 @@ class _ChunkCheck:
         """Return the size of a file; InvalidInput for pipes and devices, which would be waited for."""
         found = os.stat(where)
         if not stat.S_ISREG(found.st_mode):
-            raise unreadable(self.path, f"{shown(where)}, which is no regular file", "a file")
+            raise unreadable(self.path, f"{where}, which is no regular file", "a file")
         return found.st_size
 
     def _wrong(self, where: str, found: str, wanted: str) -> Error:
         # Whoever reads a part of the array says what of it, not which file that is.
-        return unreadable(self.path, f"a chunk {found}, {shown(where)}", wanted)
+        return unreadable(self.path, f"a chunk {found}, {where}", wanted)
 
     def metadata(self) -> None:
         """Check what Zarr reads of the array beside its chunks."""

@@ -1,0 +1,208 @@
+"""What a client of dask.distributed knows of its workers: which there are, what they keep, and what goes wrong."""
+
+from __future__ import annotations
+
+import uuid
+import weakref
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from sheetsplat._sheetsplat import __version__
+from sheetsplat.errors import Error, Unsupported, complain, missing_package
+
+# Seconds that a client waits for the first worker.
+_PATIENCE = 10.0
+# Sources that hold more than this are sent to the workers once.
+_LARGE = 1 << 20
+
+
+def addresses(client: Any) -> set[str]:
+    """Return the addresses of all workers; OSError where the scheduler is gone."""
+    if client.status != "running":
+        raise OSError(client.status)
+    # Not `scheduler_info`, which a thread of the client fills anew every other second, without workers.
+    return set(client.nthreads())
+
+
+@dataclass(eq=False)
+class _Held:
+    """What workers have of some data, as long as anything shows these.
+
+    Attributes
+    ----------
+    owners
+        Identities of the objects that exist as long as that.
+    places
+        Which worker each brick or piece is asked of.
+    sent
+        Futures of sources that the workers were sent, by their texts.
+    """
+
+    owners: set[int] = field(default_factory=set)
+    places: dict[int, str] = field(default_factory=dict)
+    sent: dict[str, Any] = field(default_factory=dict)
+
+
+class Workers:
+    """What the client knows of its workers: which were checked, which has which brick, and what they were sent."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = weakref.ref(client)
+        self._checked: set[str] = set()
+        # Dask's processes count by spans as long as they live, and each picture would be a new one.
+        self.span = {"name": ("sheetsplat",), "ids": (uuid.uuid4().hex,)}
+        # By the token of the data.
+        self._held: dict[str, _Held] = {}
+        # Of one picture, by what it depends on: the future, those who had a part in it, and the token of its data.
+        self._kept: dict[bytes, tuple[Any, frozenset[str], str]] = {}
+
+    def check(self) -> None:
+        """Raise an error where there is no worker, or one with another version of this package."""
+        client = self._client()
+        assert client is not None
+        with connected(client):
+            known = addresses(client)
+            if not known:
+                client.wait_for_workers(1, timeout=_PATIENCE)
+                known = addresses(client)
+            new = sorted(known - self._checked)
+            found = client.run(_version, workers=new, on_error="return") if new else {}
+        for address, version in sorted(found.items()):
+            if isinstance(version, OSError):
+                # It ended meanwhile.
+                known.discard(address)
+            elif version != __version__:
+                there = f"{version}" if isinstance(version, str) else f"none that can be used ({version})"
+                raise complain(
+                    "a picture cannot be drawn by these workers",
+                    f"sheetsplat {there} on worker {address}",
+                    f"{__version__}, as here",
+                    "install the same version everywhere",
+                    kind=Unsupported,
+                )
+        if not known:
+            raise complain("a picture cannot be drawn", "no worker that answers", "workers that live", kind=Error)
+        self._checked |= known
+        self.workers = sorted(known)
+
+    def held(self, source: Any) -> _Held:
+        """Return what workers have of the data of a source; it is let go with the last source that shows them."""
+        held = self._held.get(source.token, _Held())
+        owner = getattr(source, "owner", source)
+        if id(owner) not in held.owners:
+            held.owners.add(id(owner))
+            weakref.finalize(owner, _let_go, weakref.ref(self), source.token, id(owner)).atexit = False
+        self._held[source.token] = held
+        return held
+
+    def let_go(self, token: str, owner: int) -> None:
+        """Forget what workers have of data that nothing shows any more."""
+        held = self._held.get(token)
+        if held is not None:
+            held.owners.discard(owner)
+            if not held.owners:
+                del self._held[token]
+                self._kept = {key: kept for key, kept in self._kept.items() if kept[2] != token}
+
+    def place(self, source: Any, number: int) -> str:
+        """Return the worker that a brick is asked of: the same one as before while it is there."""
+        places = self.held(source).places
+        found = places.get(number)
+        if found not in self.workers:
+            found = places[number] = self.workers[number % len(self.workers)]
+        return found
+
+    def kept(self, key: bytes) -> Any:
+        """Return the future of what an earlier picture made, or None."""
+        found, workers, _ = self._kept.get(key, (None, frozenset(), ""))
+        # What is made by workers that are gone would be waited for in vain.
+        usable = found is not None and found.status in ("pending", "finished") and workers <= set(self.workers)
+        return found if usable else None
+
+    def keep(self, key: bytes, future: Any, source: Any) -> None:
+        """Keep what one picture of a source makes for those after it, in place of what was kept before."""
+        self._kept = {key: (future, frozenset(self.workers), source.token)}
+
+    def drop_unfinished(self) -> None:
+        """Give up what was to be kept and is not made yet, unless a picture waits for it."""
+        self._kept = {key: kept for key, kept in self._kept.items() if kept[0].status == "finished"}
+
+    def sent(self, client: Any, source: Any) -> Any:
+        """Return what tasks take for a source: one with large arrays is sent to the workers once."""
+        if getattr(source, "carried", 0) <= _LARGE:
+            return source
+        sent, key = self.held(source).sent, repr(source)
+        if key not in sent or sent[key].status != "finished":
+            sent[key] = client.scatter(source, hash=False)
+        return sent[key]
+
+
+def _let_go(cluster: weakref.ref[Workers], token: str, owner: int) -> None:
+    known = cluster()
+    if known is not None:
+        known.let_go(token, owner)
+
+
+# By the identity of the client, which cannot be a key where it is compared by something else.
+_known: dict[int, tuple[Any, Workers]] = {}
+
+
+def workers_of(client: Any) -> Workers:
+    """Return what is known of the workers of a client: the same object as long as the client lives."""
+    for key in [key for key, (known, _) in _known.items() if known() is None]:
+        del _known[key]
+    found = _known.get(id(client))
+    if found is None or found[0]() is not client:
+        found = (weakref.ref(client), Workers(client))
+        _known[id(client)] = found
+    return found[1]
+
+
+def memory_limit(dask_worker: Any) -> int | None:
+    """Return the memory that a worker may take; None: any. `Client.run` gives the worker by this name."""
+    limit: int | None = dask_worker.memory_manager.memory_limit
+    return limit
+
+
+def paused_workers(dask_scheduler: Any) -> list[str]:
+    """Return the workers that begin no task. `Client.run_on_scheduler` gives the scheduler by this name."""
+    return [address for address, one in dask_scheduler.workers.items() if one.status.name == "paused"]
+
+
+def _version() -> str:
+    from sheetsplat._sheetsplat import __version__
+
+    return str(__version__)
+
+
+@contextmanager
+def connected(client: Any) -> Iterator[None]:
+    """Turn errors of the cluster into errors of this package."""
+    try:
+        import distributed
+    except ImportError as error:
+        raise missing_package("a cluster cannot be used", error) from error
+    try:
+        yield
+    except Error:
+        raise
+    except distributed.KilledWorker as error:
+        number = str(error.task).rsplit("-", 1)[-1]
+        raise complain(
+            f"brick {number} cannot be drawn",
+            f"workers that ended while they drew it, the last at {error.last_worker.address}",
+            "workers that live",
+            "give workers more memory, or use smaller bricks",
+            kind=Error,
+        ) from None
+    except (OSError, distributed.CancelledError) as error:
+        found = f"a connection that was lost ({client.status})"
+        # It is an OSError too.
+        if isinstance(error, TimeoutError) and client.status in ("running", "connecting"):
+            found = "no worker that answers"
+        address = getattr(getattr(client, "scheduler", None), "address", "")
+        raise complain(
+            f"the scheduler {address} cannot be used", found, "a scheduler that runs, with workers", kind=Error
+        ) from error

@@ -33,10 +33,6 @@ uniform float slice_spacing;
 #endif
 #endif
 
-#ifdef PIVOT
-uniform float pivot;       // what values are less by
-#endif
-
 out vec4 sheet_front;
 #ifdef TWO_TARGETS
 out vec4 sheet_back;
@@ -177,10 +173,6 @@ void main() {
     float scale = amount.y;
 #else
     float scale = amount.x;
-#endif
-#ifdef PIVOT
-    // A quotient's gradient is a difference of two products that are as large as the values: they are counted from their middle.
-    scale -= pivot * amount.y;
 #endif
     sheet_front = scale * front;
 #ifdef TWO_TARGETS

@@ -11,6 +11,7 @@ uniform double slice_spacing;
 uniform double first_depth; // of slice 0
 uniform double last_slice;
 uniform double value_scale;
+uniform double pivot;        // what values are less by
 uniform double weight_scale;
 uniform double least_weight; // of kernels of weight 0, so that points that they reach do not count as empty
 
@@ -82,7 +83,7 @@ void main() {
     vec2 whole = vec2(floor(at));
     record_place = vec4(whole, vec2(at - dvec2(whole)));
     // A weight of 0 still reaches: what it leaves in the sheets tells a point that is 0 from one that is empty.
-    record_heights = vec4(float(anchor), float(s), float(step_s), float(amount.x * amount.y * value_scale));
+    record_heights = vec4(float(anchor), float(s), float(step_s), float((amount.x - pivot) * amount.y * value_scale));
     record_axes = vec4(vec2(on_screen(a)), vec2(on_screen(b)));
     record_step = vec4(vec2(step), max(float(amount.y * weight_scale), float(least_weight)), 0.0);
 }

@@ -31,11 +31,8 @@ uniform float step_s; // slice spacing over half-depth
 #ifdef SEPARABLE
 uniform float falloff_px; // -k log2(e) over the radius in pixels, squared
 #endif
-#if defined(WEIGHT) || defined(WEIGHT_ALONE) || defined(PIVOT)
+#if defined(WEIGHT) || defined(WEIGHT_ALONE)
 uniform float weight_scale;
-#endif
-#ifdef PIVOT
-uniform float pivot; // what values are less by, so that gradients of quotients keep their digits
 #endif
 
 out vec4 sheet_front;
@@ -122,9 +119,6 @@ void main() {
     float scale = weight_scale;
 #else
     float scale = kernel.z;
-#endif
-#ifdef PIVOT
-    scale -= pivot * weight_scale;
 #endif
     sheet_front = scale * front;
 #ifdef TWO_TARGETS

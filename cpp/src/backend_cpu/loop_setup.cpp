@@ -91,7 +91,7 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     };
     // Gradients of quotients, of which differences or derivatives are taken, would show the rounding of sums in float32
     // where values are alike.
-    setup.from_first = std::is_same_v<T, float> && shading.gradient;
+    setup.from_first = shading.gradient;
     // (W grad D - D grad W) / W^2 is next to nothing where values are alike: counted from the middle of the values, it
     // has no more rounding errors than what is left. Float64 has digits enough: there plateaus of 0 must stay 0, as
     // gradients of any strength may be lit.

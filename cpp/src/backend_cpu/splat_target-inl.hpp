@@ -186,10 +186,8 @@ HWY_INLINE void in_batches(int first, int count, const Add& add) {
 /// Calls use(sums) with what kernels of a field add to sheets: sums.value is one of Sums.
 template <class T, class Use>
 HWY_INLINE auto with_sums(const PartProfile<T>& profile, const Use& use) {
-    if constexpr (std::is_same_v<T, float>) {
-        if (profile.from_first) {
-            return use(std::integral_constant<Sums, Sums::from_first>());
-        }
+    if (profile.from_first) {
+        return use(std::integral_constant<Sums, Sums::from_first>());
     }
     return profile.weight_channel >= 0 ? use(std::integral_constant<Sums, Sums::weights>())
                                        : use(std::integral_constant<Sums, Sums::values>());

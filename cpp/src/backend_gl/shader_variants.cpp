@@ -38,14 +38,13 @@ gl::Defines common_defines(const DrawPlan& plan, const SplatTarget& target, int 
         defines = {
             {"SLAB", on}, {"SLAB_NODES", std::to_string(slab_nodes)}, {"SLAB_PIECES", std::to_string(slab_pieces)}};
     }
-    const std::array<std::pair<const char*, bool>, 9> switches{{
+    const std::array<std::pair<const char*, bool>, 8> switches{{
         {"PERSPECTIVE", plan.projection == Projection::perspective},
         {"TWO_TARGETS", plan.packing == Packing::wide && !target.narrow},
         {"FINE", slopes_of(plan, target)},
         {"FINE_XY", plan.fine_across},
         {"FINE_Z", plan.fine_along},
         {"ANALYTIC", plan.analytic_gradient},
-        {"PIVOT", counts_from_pivots(plan) && (target.own >= 0 || plan.threshold) && !target.weights_alone},
         {"WEIGHT", target.weight && !splats_slopes(plan)},
         {"WEIGHT_ALONE", target.weights_alone},
     }};

@@ -58,7 +58,6 @@ const gl::Program& Splatting::use(const char* vertex, const char* fragment, gl::
     program.set("edge", static_cast<float>(kernel.edge()));
     program.set("falloff_root", static_cast<float>(std::sqrt(kernel.falloff)));
     program.set("tag", touched_.splat_depth());
-    program.set("pivot", scope.pivots[target.field]);
     scope.set_target_size(program);
     set_offsets(program, first_slab);
     return program;

@@ -31,14 +31,6 @@ TargetShape shape_of(const DrawPlan& plan, const Scene& scene, const Capabilitie
     return shape;
 }
 
-std::vector<float> sheet_pivots(const DrawPlan& plan, const Scene& scene) {
-    std::vector<float> pivots;
-    for (const double pivot : pivots_of(plan, scene)) {
-        pivots.push_back(static_cast<float>(pivot / plan.unit_of(pivots.size())));
-    }
-    return pivots;
-}
-
 } // namespace
 
 TileScope::TileScope(const Job& job_, const gl::Api& gl_, const Capabilities& capabilities_, Resources& resources_,
@@ -46,7 +38,7 @@ TileScope::TileScope(const Job& job_, const gl::Api& gl_, const Capabilities& ca
     : job(job_), plan(*job_.plan), frame(*job_.frame), gl(gl_), capabilities(capabilities_), resources(resources_),
       hooks(hooks_), tile(tile_), steps(make_steps(*job_.plan, *job_.frame)),
       targets(resources_.targets(shape_of(*job_.plan, *job_.scene, capabilities_, tile_))),
-      pivots(sheet_pivots(*job_.plan, *job_.scene)) {}
+      pivots(pivots_of(*job_.plan, *job_.scene)) {}
 
 void TileScope::set_target_size(const gl::Program& program) const {
     program.set("target_size", static_cast<float>(tile.target_width()), static_cast<float>(tile.target_height()));

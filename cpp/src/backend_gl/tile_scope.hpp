@@ -28,8 +28,12 @@ struct TileScope {
     const Tile tile;
     const Steps steps;
     const Targets& targets;
-    /// Of each field, in its sheets' unit: see pivots_of.
-    const std::vector<float> pivots;
+    /// Of each field, in the scalar's unit: see pivots_of.
+    const std::vector<double> pivots;
+    /// ... as its sheets have it.
+    [[nodiscard]] float sheet_pivot(std::size_t field) const {
+        return static_cast<float>(pivots[field] / plan.unit_of(field));
+    }
 
     /// Where the optical axis meets the targets, pixels.
     [[nodiscard]] double axis_x() const { return frame.axis_x - tile.x + Tile::border; }

@@ -119,7 +119,7 @@ EllipsoidView::Span EllipsoidView::span(const Depths& depths, int wider) const {
 }
 
 SectionRecord EllipsoidView::record(std::size_t i, const EyeKernel& kernel, std::int64_t anchor,
-                                    SectionRest* rest) const {
+                                    SectionRest* rest, double pivot) const {
     const Frame& frame = *frame_;
     const double depth = frame.depth_of(anchor);
     const double s = (-kernel.center.z - depth) / kernel.half_depth;
@@ -147,7 +147,7 @@ SectionRecord EllipsoidView::record(std::size_t i, const EyeKernel& kernel, std:
     record.first = f(static_cast<double>(anchor));
     record.s = f(s);
     record.step_s = f(step_s);
-    record.value = f(field_->value(i) * weight * kernel.amplitude * value_scale_);
+    record.value = f((field_->value(i) - pivot) * weight * kernel.amplitude * value_scale_);
     record.ux = f(u.x);
     record.uy = f(u.y);
     record.vx = f(v.x);

@@ -49,7 +49,7 @@ struct SplatVertex {
     float x, y;  ///< pixels in the tile's targets: of the centre (orthographic), of the centre's ray at the reference
                  ///< depth (perspective)
     float s;     ///< height of the batch's first slice in the kernel's unit sphere: (t_k - t_first) / h
-    float value; ///< sample times FieldView::value_scale
+    float value; ///< sample, less its pivot, times FieldView::value_scale
 };
 
 /// A rectangle of the picture with the border of one pixel that gradients need.
@@ -74,8 +74,9 @@ struct PixelBox {
 class VertexMaker {
   public:
     /// wider_px: pixels by which every box is larger than the kernel (differences between neighbours reach one
-    /// further).
-    VertexMaker(const FieldView& view, const Frame& frame, const Tile& tile, BatchLayout layout, int wider_px = 0);
+    /// further). pivot: what values are less by (plan/pivot.hpp).
+    VertexMaker(const FieldView& view, const Frame& frame, const Tile& tile, BatchLayout layout, int wider_px = 0,
+                double pivot = 0.0);
 
     /// Writes a vertex for each of the samples that reach into the tile, calls touch(box, sample) with the pixels it
     /// can touch and its index, and drops it where touch returns false. Returns how many were written to `out` (room
@@ -104,6 +105,7 @@ class VertexMaker {
     Tile tile_;
     BatchLayout layout_;
     double wider_;               ///< pixels
+    double pivot_;
     double half_x_, half_y_;     ///< orthographic: pixels
     double origin_x_, origin_y_; ///< of the optical axis in the tile's targets, pixels
 };

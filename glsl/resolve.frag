@@ -14,7 +14,8 @@ uniform sampler2D weight_y_front_texture;
 uniform sampler2D weight_z_front_texture;
 #endif
 #ifdef PIVOT
-uniform float pivot; // what values in D, and rho in the sheet of all fields, are less by
+uniform float pivot;      // what values in D, and rho in the sheet of all fields, are less by
+uniform float half_range; // what values in D are divided by
 #endif
 
 out vec4 sheet_sum;
@@ -33,14 +34,16 @@ void main() {
     vec4 divisor = max(weight, vec4(w0));
     vec4 quotient = texelFetch(sheet_front_texture, at, 0) / divisor;
 #ifdef PIVOT
-    sheet_sum = quotient + pivot * (min(weight / w0, 1.0) - 1.0);
+    sheet_sum = half_range * quotient + pivot * (min(weight / w0, 1.0) - 1.0);
 #else
     const float pivot = 0.0;
+    const float half_range = 1.0;
     sheet_sum = quotient;
 #endif
 #ifdef SLOPES
     // The derivative of (D + pivot W) / max(w0, W): w0 has none.
-    vec4 varying_part = mix(vec4(-pivot), quotient, greaterThan(weight, vec4(w0)));
+    vec4 varying_part = mix(vec4(-pivot / half_range), quotient, greaterThan(weight, vec4(w0)));
+    divisor /= half_range;
     x_sum = (texelFetch(x_front_texture, at, 0) - varying_part * texelFetch(weight_x_front_texture, at, 0)) / divisor;
     y_sum = (texelFetch(y_front_texture, at, 0) - varying_part * texelFetch(weight_y_front_texture, at, 0)) / divisor;
     z_sum = (texelFetch(z_front_texture, at, 0) - varying_part * texelFetch(weight_z_front_texture, at, 0)) / divisor;

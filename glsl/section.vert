@@ -11,7 +11,8 @@ uniform double slice_spacing;
 uniform double first_depth; // of slice 0
 uniform double last_slice;
 uniform double value_scale;
-uniform double pivot;        // what values are less by
+uniform double pivot;        // what values are less by, and then divided by (Counting)
+uniform double half_range;   // 0: not at all
 uniform double weight_scale;
 uniform double least_weight; // of kernels of weight 0, so that points that they reach do not count as empty
 
@@ -83,7 +84,9 @@ void main() {
     vec2 whole = vec2(floor(at));
     record_place = vec4(whole, vec2(at - dvec2(whole)));
     // A weight of 0 still reaches: what it leaves in the sheets tells a point that is 0 from one that is empty.
-    record_heights = vec4(float(anchor), float(s), float(step_s), float((amount.x - pivot) * amount.y * value_scale));
+    float weight = float(amount.y * weight_scale);
+    float value = half_range == 0.0 ? float(amount.x * amount.y * value_scale) : float((amount.x - pivot) / half_range) * weight;
+    record_heights = vec4(float(anchor), float(s), float(step_s), value);
     record_axes = vec4(vec2(on_screen(a)), vec2(on_screen(b)));
-    record_step = vec4(vec2(step), max(float(amount.y * weight_scale), float(least_weight)), 0.0);
+    record_step = vec4(vec2(step), max(weight, float(least_weight)), 0.0);
 }

@@ -37,7 +37,8 @@ uniform SHEET weight_back_texture;
 #ifdef THRESHOLD
 uniform float w0;
 #ifdef PIVOT
-uniform float pivot; // what values in D, and rho, are less by
+uniform float pivot;      // what values in D, and rho, are less by
+uniform float half_range; // what values in D are divided by
 #endif
 #endif
 
@@ -62,7 +63,7 @@ vec4 normalized(vec4 d, ivec2 at, bool of_front) {
 #endif
     vec4 quotient = d / max(weight, vec4(w0));
 #ifdef PIVOT
-    quotient += pivot * (min(weight / w0, 1.0) - 1.0);
+    quotient = half_range * quotient + pivot * (min(weight / w0, 1.0) - 1.0);
 #endif
     return quotient;
 #else

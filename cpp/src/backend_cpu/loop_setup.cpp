@@ -89,8 +89,8 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     const auto is_divided = [&](std::size_t field) {
         return plan.own_sheets.empty() ? plan.threshold : plan.own_sheets[field] >= 0;
     };
-    // Gradients of quotients, of which differences or derivatives are taken, would show the rounding of sums in float32
-    // where values are alike.
+    // Gradients of quotients, of which differences or derivatives are taken, would show the rounding of sums where
+    // values are alike, in float64 too: under a transfer function of one value gradients of any strength are lit.
     setup.from_first = shading.gradient;
     // (W grad D - D grad W) / W^2 is next to nothing where values are alike: counted from the middle of the values, it
     // has no more rounding errors than what is left. Float64 has digits enough: there plateaus of 0 must stay 0, as

@@ -38,7 +38,7 @@ void divide_own_sheets(const TileScope& scope, std::int64_t pass) {
         program.use();
         const Sheet& sheet = targets.own_sheet(own, sheet_number);
         sheet.bind(program, "front");
-        program.set("pivot", scope.sheet_pivot(field));
+        scope.set_counting(program, field);
         program.set("w0", static_cast<float>(scope.job.scene->fields[field]->w0()));
         scope.draw_targets(program);
         targets.clear_own(own, sheet_number);

@@ -38,7 +38,7 @@ void EllipsoidSplats::splat(std::size_t part, std::int64_t pass) {
         return EllipsoidView::pixels(bounds, frame, scope_.tile, wider);
     };
     const auto counts = [&](const PixelBox& box) { return !box.empty() && splatting_.counts(box); };
-    const double pivot = scope_.pivots[scope_.job.ellipsoids[part].field];
+    const Counting& counting = scope_.counting[scope_.job.ellipsoids[part].field];
     const auto started = Clock::now();
     walks_[part].next([&](const EllipsoidView::ScreenBounds& bounds) { return splatting_.hides(pixels(bounds)); },
                       [&](const CellTraversal::Entry& entry) {
@@ -61,7 +61,7 @@ void EllipsoidSplats::splat(std::size_t part, std::int64_t pass) {
                           SectionRest* rest = is_precise(static_cast<SectionGroup>(entry.group))
                                                   ? &gathered.rests.emplace_back()
                                                   : nullptr;
-                          gathered.records.push_back(view.record(entry.kernel, kernel, anchor, rest, pivot));
+                          gathered.records.push_back(view.record(entry.kernel, kernel, anchor, rest, counting));
                           if (gathered.records.size() == records_at_once) {
                               draw_group(part, number, pass);
                           }

@@ -18,7 +18,7 @@ float f(double value) { return static_cast<float>(value); }
 LatticeSplats::LatticeSplats(Splatting& splatting) : splatting_(splatting), scope_(splatting.scope) {
     for (const RegularPart& part : scope_.job.regular) {
         makers_.emplace_back(*part.view, scope_.frame, scope_.tile, scope_.job.layout,
-                             scope_.plan.fine_gradient ? 1 : 0, scope_.pivots[part.field]);
+                             scope_.plan.fine_gradient ? 1 : 0, scope_.counting[part.field]);
     }
 }
 

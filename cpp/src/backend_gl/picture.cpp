@@ -125,9 +125,9 @@ void Picture::upload() {
     }
     if (plan_.resident_sections) {
         resources_.section_pass().keep(fields);
-        const std::vector<double> pivots = pivots_of(plan_, *job_.scene);
+        const std::vector<Counting> counting = counting_of(plan_, *job_.scene);
         for (const EllipsoidPart& part : job_.ellipsoids) {
-            resources_.section_pass().slice(part.kernels, *part.view, pivots[part.field]);
+            resources_.section_pass().slice(part.kernels, *part.view, counting[part.field]);
         }
     }
     if (plan_.paper_slicing) {

@@ -87,7 +87,7 @@ SectionPass::Entry& SectionPass::entry_of(const std::shared_ptr<const EllipsoidF
 }
 
 void SectionPass::slice(const std::shared_ptr<const EllipsoidField>& kernels, const EllipsoidView& view,
-                        double pivot) {
+                        const Counting& counting) {
     if (kernels->size() == 0 || view.frame().slices == 0) {
         return;
     }
@@ -106,7 +106,8 @@ void SectionPass::slice(const std::shared_ptr<const EllipsoidField>& kernels, co
     pass.set("slice_spacing", frame.slice_spacing);
     pass.set("first_depth", frame.first_depth);
     pass.set("last_slice", static_cast<double>(frame.slices - 1));
-    pass.set("pivot", pivot);
+    pass.set("pivot", counting.pivot);
+    pass.set("half_range", counting.half_range);
     pass.set("value_scale", view.value_scale());
     pass.set("weight_scale", view.weight_scale());
     pass.set("least_weight", least_drawn_weight);

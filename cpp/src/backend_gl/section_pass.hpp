@@ -17,8 +17,9 @@ class SectionPass {
   public:
     explicit SectionPass(const gl::Api& gl);
 
-    /// Slices all kernels of a view's field. `kernels` owns the field. pivot: what values are less by.
-    void slice(const std::shared_ptr<const EllipsoidField>& kernels, const EllipsoidView& view, double pivot);
+    /// Slices all kernels of a view's field. `kernels` owns the field.
+    void slice(const std::shared_ptr<const EllipsoidField>& kernels, const EllipsoidView& view,
+               const Counting& counting);
     /// The records of the field that was sliced last, or before it, as texels of a buffer.
     [[nodiscard]] const gl::BufferTexture& records(const EllipsoidField& field) const;
     /// Gives back what belongs to other fields.

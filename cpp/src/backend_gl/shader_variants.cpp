@@ -54,14 +54,25 @@ gl::Defines common_defines(const DrawPlan& plan, const SplatTarget& target, int 
 
 } // namespace
 
-std::vector<double> pivots_of(const DrawPlan& plan, const Scene& scene) {
-    std::vector<double> result(scene.fields.size(), 0.0);
-    for (std::size_t field = 0; field < result.size(); ++field) {
-        const bool divided = plan.own_sheets.empty() ? plan.threshold : plan.own_sheets[field] >= 0;
-        if (divided && counts_from_pivots(plan)) {
-            // As float32 has it in the sheets' unit, so that all who use it mean the same number.
+std::vector<Counting> counting_of(const DrawPlan& plan, const Scene& scene) {
+    std::vector<Counting> result(scene.fields.size());
+    if (!counts_from_pivots(plan)) {
+        return result;
+    }
+    for (const Group& group : groups_drawn(scene)) {
+        for (std::size_t field = group.first; field < group.last; ++field) {
+            if (!(plan.own_sheets.empty() ? plan.threshold : plan.own_sheets[field] >= 0)) {
+                continue;
+            }
             const double unit = plan.unit_of(field);
-            result[field] = unit * static_cast<double>(static_cast<float>(pivot_of(*scene.fields[field]) / unit));
+            const std::array<double, 2> range = scene.fields[field]->value_range();
+            double pivot = pivot_of(*scene.fields[field]);
+            if (group.last - group.first > 1) {
+                // As float32 has it in the sheets' unit, so that all who add them mean the same number.
+                pivot = unit * static_cast<double>(static_cast<float>(pivot / unit));
+            }
+            const double half_range = 0.5 * range[1] - 0.5 * range[0];
+            result[field] = {pivot, half_range > 0.0 ? half_range : unit};
         }
     }
     return result;
@@ -69,9 +80,9 @@ std::vector<double> pivots_of(const DrawPlan& plan, const Scene& scene) {
 
 std::vector<double> group_pivots(const DrawPlan& plan, const Scene& scene) {
     std::vector<double> sums(groups_drawn(scene).size(), 0.0);
-    const std::vector<double> pivots = pivots_of(plan, scene);
-    for (std::size_t field = 0; field < pivots.size(); ++field) {
-        sums[group_drawn_of(scene, field)] += pivots[field];
+    const std::vector<Counting> counting = counting_of(plan, scene);
+    for (std::size_t field = 0; field < counting.size(); ++field) {
+        sums[group_drawn_of(scene, field)] += counting[field].pivot;
     }
     return sums;
 }

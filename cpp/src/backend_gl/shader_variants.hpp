@@ -53,9 +53,9 @@ struct SplatTarget {
 };
 /// Changes along x, y and z are splatted beside the sums: differences between neighbours, or derivatives.
 bool splats_slopes(const DrawPlan& plan);
-/// What the values of each field are less by in the sheets that it is splatted to (plan/pivot.hpp), in the scalar's
-/// unit. A group's rho is shaded less the sum of these, which group_pivots has.
-std::vector<double> pivots_of(const DrawPlan& plan, const Scene& scene);
+/// How the values of each field are counted in the sheets that it is splatted to, in the scalar's unit. A group's rho
+/// is shaded less the sum of the pivots, which group_pivots has.
+std::vector<Counting> counting_of(const DrawPlan& plan, const Scene& scene);
 std::vector<double> group_pivots(const DrawPlan& plan, const Scene& scene);
 gl::Defines splat_defines(const DrawPlan& plan, const FieldView& view, const SplatTarget& target);
 gl::Defines ellipsoid_defines(const DrawPlan& plan, SectionGroup group, const SplatTarget& target);

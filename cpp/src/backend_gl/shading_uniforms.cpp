@@ -80,7 +80,7 @@ void set_shading(const gl::Program& program, const TileScope& scope, const Shadi
     set_places(program, scope, first_slab);
     set_opacity_correction(program, inputs);
     program.set("w0", f(scope.job.scene->fields.front()->w0()));
-    program.set("pivot", scope.sheet_pivot(0));
+    scope.set_counting(program, 0);
     program.set("opacity_stop", f(inputs.opacity_stop));
     if (plan.shadows || plan.ambient_occlusion) {
         scope.resources.light().bind(program, *scope.job.camera, scope.frame, first_slab);

@@ -38,7 +38,7 @@ TileScope::TileScope(const Job& job_, const gl::Api& gl_, const Capabilities& ca
     : job(job_), plan(*job_.plan), frame(*job_.frame), gl(gl_), capabilities(capabilities_), resources(resources_),
       hooks(hooks_), tile(tile_), steps(make_steps(*job_.plan, *job_.frame)),
       targets(resources_.targets(shape_of(*job_.plan, *job_.scene, capabilities_, tile_))),
-      pivots(pivots_of(*job_.plan, *job_.scene)) {}
+      counting(counting_of(*job_.plan, *job_.scene)) {}
 
 void TileScope::set_target_size(const gl::Program& program) const {
     program.set("target_size", static_cast<float>(tile.target_width()), static_cast<float>(tile.target_height()));
@@ -66,5 +66,12 @@ void TileScope::write_channel(int channel) const {
 }
 
 void TileScope::write_all_channels() const { gl.ColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE); }
+
+void TileScope::set_counting(const gl::Program& program, std::size_t field) const {
+    const double unit = plan.unit_of(field);
+    const Counting& of_field = counting[field];
+    program.set("pivot", static_cast<float>(of_field.pivot / unit));
+    program.set("half_range", of_field.half_range > 0.0 ? static_cast<float>(of_field.half_range / unit) : 1.0F);
+}
 
 } // namespace sheetsplat::backend_gl

@@ -28,12 +28,10 @@ struct TileScope {
     const Tile tile;
     const Steps steps;
     const Targets& targets;
-    /// Of each field, in the scalar's unit: see pivots_of.
-    const std::vector<double> pivots;
-    /// ... as its sheets have it.
-    [[nodiscard]] float sheet_pivot(std::size_t field) const {
-        return static_cast<float>(pivots[field] / plan.unit_of(field));
-    }
+    /// Of each field.
+    const std::vector<Counting> counting;
+    /// Sets what gives rho of a field's D and W in the sheets' unit.
+    void set_counting(const gl::Program& program, std::size_t field) const;
 
     /// Where the optical axis meets the targets, pixels.
     [[nodiscard]] double axis_x() const { return frame.axis_x - tile.x + Tile::border; }

@@ -118,8 +118,8 @@ EllipsoidView::Span EllipsoidView::span(const Depths& depths, int wider) const {
             static_cast<std::int64_t>(std::min(last, static_cast<double>(frame_->slices - 1)))};
 }
 
-SectionRecord EllipsoidView::record(std::size_t i, const EyeKernel& kernel, std::int64_t anchor,
-                                    SectionRest* rest, double pivot) const {
+SectionRecord EllipsoidView::record(std::size_t i, const EyeKernel& kernel, std::int64_t anchor, SectionRest* rest,
+                                    const Counting& counting) const {
     const Frame& frame = *frame_;
     const double depth = frame.depth_of(anchor);
     const double s = (-kernel.center.z - depth) / kernel.half_depth;
@@ -138,7 +138,7 @@ SectionRecord EllipsoidView::record(std::size_t i, const EyeKernel& kernel, std:
     const glm::dvec2 u = screen(kernel.axis_u);
     const glm::dvec2 v = screen(kernel.axis_v);
     const auto f = [](double value) { return static_cast<float>(value); };
-    const double weight = field_->weight(i);
+    const double amount = field_->weight(i) * kernel.amplitude;
     SectionRecord record{};
     record.whole_x = f(whole.x);
     record.whole_y = f(whole.y);
@@ -147,7 +147,8 @@ SectionRecord EllipsoidView::record(std::size_t i, const EyeKernel& kernel, std:
     record.first = f(static_cast<double>(anchor));
     record.s = f(s);
     record.step_s = f(step_s);
-    record.value = f((field_->value(i) - pivot) * weight * kernel.amplitude * value_scale_);
+    record.value =
+        counting.amount(field_->value(i), f(amount * weight_scale_), field_->value(i) * amount * value_scale_);
     record.ux = f(u.x);
     record.uy = f(u.y);
     record.vx = f(v.x);
@@ -168,7 +169,7 @@ SectionRecord EllipsoidView::record(std::size_t i, const EyeKernel& kernel, std:
                             left(step.y),
                             {0.0F, 0.0F}};
     }
-    record.weight = f(std::max(weight * kernel.amplitude * weight_scale_, least_drawn_weight));
+    record.weight = f(std::max(amount * weight_scale_, least_drawn_weight));
     return record;
 }
 

@@ -139,8 +139,8 @@ PixelBox pixels_between(double left, double right, double top, double bottom, co
 }
 
 VertexMaker::VertexMaker(const FieldView& view, const Frame& frame, const Tile& tile, BatchLayout layout, int wider_px,
-                         double pivot)
-    : view_(&view), frame_(&frame), tile_(tile), layout_(layout), wider_(wider_px), pivot_(pivot) {
+                         const Counting& counting)
+    : view_(&view), frame_(&frame), tile_(tile), layout_(layout), wider_(wider_px), counting_(counting) {
     half_x_ = view.extent_x / frame.pixel + wider_;
     half_y_ = view.extent_y / frame.pixel + wider_;
     origin_x_ = frame.axis_x - tile.x + Tile::border;
@@ -188,7 +188,7 @@ VertexMaker::Placed VertexMaker::place(const Vec3& eye, double value, double fir
     placed.vertex.x = static_cast<float>(x);
     placed.vertex.y = static_cast<float>(y);
     placed.vertex.s = static_cast<float>((depth - first_depth) / view.half_depth);
-    placed.vertex.value = static_cast<float>((value - pivot_) * view.value_scale);
+    placed.vertex.value = counting_.amount(value, static_cast<float>(view.weight_scale), value * view.value_scale);
     placed.box = pixels_between(left, right, top, bottom, tile_);
     return placed;
 }

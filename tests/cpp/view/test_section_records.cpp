@@ -172,6 +172,35 @@ TEST(EllipsoidView, RecordsHoldWhereTheEyeIsInsideTheKernel) {
     }
 }
 
+TEST(EllipsoidView, CountedValuesAreTheWeightsThemselvesAtTheEndsOfTheRange) {
+    Random random(15);
+    EllipsoidArrays arrays;
+    for (int n = 0; n < 200; ++n) {
+        arrays.centers.push_back(random.in_cube());
+        arrays.radii.push_back(0.1);
+        arrays.values.push_back(n % 3 == 0 ? 0.1 : n % 3 == 1 ? 0.7 : 0.1 + 0.6 * random.uniform(0.0, 1.0));
+        arrays.weights.push_back(0.01 + random.uniform(0.0, 1.0));
+    }
+    const Look look(field_of(std::move(arrays)), perspective(), {50, 50}, 0.1);
+    const std::array<double, 2> range = look.field->value_range();
+    const Counting counting{0.5 * range[0] + 0.5 * range[1], 0.5 * range[1] - 0.5 * range[0]};
+    for (std::size_t i = 0; i < look.field->size(); ++i) {
+        const EyeKernel kernel = look.view.kernel(i);
+        const SectionRecord plain = look.view.record(i, kernel, 0);
+        const SectionRecord record = look.view.record(i, kernel, 0, nullptr, counting);
+        EXPECT_EQ(record.weight, plain.weight);
+        const double value = look.field->value(i), weight = static_cast<double>(record.weight);
+        if (i % 3 == 2) {
+            const double restored = counting.pivot + counting.half_range * static_cast<double>(record.value) / weight;
+            EXPECT_NEAR(restored, value, 1e-7);
+        } else {
+            EXPECT_EQ(record.value, i % 3 == 0 ? -record.weight : record.weight) << "kernel " << i;
+        }
+    }
+    // Without a range all values are the pivot.
+    EXPECT_EQ((Counting{0.3, 1.0}.amount(0.3, 0.7F, 1.0)), 0.0F);
+}
+
 TEST(EllipsoidView, RecordsKeepPlacesBeyondTwoToThe24Pixels) {
     EllipsoidArrays arrays;
     arrays.centers = {Vec3(1234567890.123, -9876543210.456, 0.0)};

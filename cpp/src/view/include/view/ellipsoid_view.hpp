@@ -12,6 +12,7 @@
 #include "facts/frame.hpp"
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/scene.hpp"
+#include "view/counting.hpp"
 #include "view/slab_batches.hpp"
 
 namespace sheetsplat {
@@ -40,7 +41,7 @@ struct SectionRecord {
     float first;            ///< slice that the record is anchored at
     float s;                ///< height of the section there
     float step_s;           ///< slice spacing over h
-    float value;            ///< f m times the view's value_scale; f less its pivot
+    float value;            ///< f m times the view's value_scale, or as Counting says
     float ux, uy, vx, vy;   ///< B u and B v
     float step_x, step_y; ///< movement of the centre from one slice to the next (perspective: off the ray of the first)
     float weight;         ///< m times the view's weight_scale
@@ -105,10 +106,9 @@ class EllipsoidView {
         std::int64_t first, last;
     };
     [[nodiscard]] Span span(const Depths& depths, int wider = 0) const;
-    /// The record of a kernel, anchored at a slice; precise for slices near it. pivot: what its value is less by
-    /// (plan/pivot.hpp). Subtracted from a product of value and weight in float32, it would leave the rounding of each.
+    /// The record of a kernel, anchored at a slice; precise for slices near it.
     [[nodiscard]] SectionRecord record(std::size_t i, const EyeKernel& kernel, std::int64_t anchor,
-                                       SectionRest* rest = nullptr, double pivot = 0.0) const;
+                                       SectionRest* rest = nullptr, const Counting& counting = {}) const;
     /// How the kernel is drawn. sprite_px: largest radius of a point sprite; precise_aspect: longest over shortest
     /// semi-axis from which on places are computed in float64.
     [[nodiscard]] SectionGroup group(std::size_t i, const Depths& depths, double sprite_px,

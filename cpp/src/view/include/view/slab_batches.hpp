@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "index/visible_runs.hpp"
+#include "view/counting.hpp"
 #include "view/field_view.hpp"
 
 namespace sheetsplat {
@@ -49,7 +50,7 @@ struct SplatVertex {
     float x, y;  ///< pixels in the tile's targets: of the centre (orthographic), of the centre's ray at the reference
                  ///< depth (perspective)
     float s;     ///< height of the batch's first slice in the kernel's unit sphere: (t_k - t_first) / h
-    float value; ///< sample, less its pivot, times FieldView::value_scale
+    float value; ///< sample times FieldView::value_scale, or as Counting says
 };
 
 /// A rectangle of the picture with the border of one pixel that gradients need.
@@ -74,9 +75,9 @@ struct PixelBox {
 class VertexMaker {
   public:
     /// wider_px: pixels by which every box is larger than the kernel (differences between neighbours reach one
-    /// further). pivot: what values are less by (plan/pivot.hpp).
+    /// further).
     VertexMaker(const FieldView& view, const Frame& frame, const Tile& tile, BatchLayout layout, int wider_px = 0,
-                double pivot = 0.0);
+                const Counting& counting = {});
 
     /// Writes a vertex for each of the samples that reach into the tile, calls touch(box, sample) with the pixels it
     /// can touch and its index, and drops it where touch returns false. Returns how many were written to `out` (room
@@ -104,8 +105,8 @@ class VertexMaker {
     const Frame* frame_;
     Tile tile_;
     BatchLayout layout_;
-    double wider_;               ///< pixels
-    double pivot_;
+    double wider_; ///< pixels
+    Counting counting_;
     double half_x_, half_y_;     ///< orthographic: pixels
     double origin_x_, origin_y_; ///< of the optical axis in the tile's targets, pixels
 };

@@ -84,9 +84,10 @@ void main() {
     vec2 whole = vec2(floor(at));
     record_place = vec4(whole, vec2(at - dvec2(whole)));
     // A weight of 0 still reaches: what it leaves in the sheets tells a point that is 0 from one that is empty.
-    float weight = float(amount.y * weight_scale);
-    float value = half_range == 0.0 ? float(amount.x * amount.y * value_scale) : float((amount.x - pivot) / half_range) * weight;
+    float weight = max(float(amount.y * weight_scale), float(least_weight));
+    double counted = amount.y > 0.0 ? amount.x : 0.0;
+    float value = half_range == 0.0 ? float(amount.x * amount.y * value_scale) : float((counted - pivot) / half_range) * weight;
     record_heights = vec4(float(anchor), float(s), float(step_s), value);
     record_axes = vec4(vec2(on_screen(a)), vec2(on_screen(b)));
-    record_step = vec4(vec2(step), max(weight, float(least_weight)), 0.0);
+    record_step = vec4(vec2(step), weight, 0.0);
 }

@@ -158,6 +158,21 @@ def test_opengl_counts_plateaus_from_the_middle_of_their_values(low: float, high
     assert_close(image, by_reference(parts), FLOAT32, f"plateaus of a lattice {low} {high} {length}")
 
 
+@pytest.mark.parametrize("w0", [1e-200, 1e-30, 0.3])
+def test_weights_of_0_have_the_value_0_under_a_transfer_function_of_one_value(w0: float) -> None:
+    """Counted from the first kernel they must not have its value where no other kernel is."""
+    parts = flat(0.0)
+    one = parts["fields"][0]
+    one |= {"centers": 1.7 * one["centers"], "weights": np.zeros(200), "w0": w0}
+    one["weights"][0] = 1.0
+    # Where points of 0 are seen: kernels of weight 0 tell them from empty ones.
+    parts["transfer"] = [(0.5, 0.9, 0.3, 0.2, 0.3), (0.5, 0.3, 0.8, 0.5, 0.0)]
+    image, expected = drawn(parts, "cpu"), by_reference(parts)
+    assert image.plan.precision == "float64"
+    assert np.count_nonzero(expected.rgba[..., 3]) > 100
+    np.testing.assert_allclose(image.pixels[..., 3], expected.rgba[..., 3], atol=1e-6)
+
+
 @pytest.mark.gl
 @pytest.mark.parametrize(
     ("scene", "resident"),

@@ -90,14 +90,9 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
         return plan.own_sheets.empty() ? plan.threshold : plan.own_sheets[field] >= 0;
     };
     // Gradients of quotients, of which differences or derivatives are taken, would show the rounding of sums where
-    // values are alike: in float32, and where gradients of any strength are lit, under a transfer function of one
-    // value. Weights of more decades than float32 has are summed better without it.
-    const auto window_of_one_value = [](const Group& group) {
-        return group.transfer_function->v_min() == group.transfer_function->v_max();
-    };
-    const std::vector<Group> groups = groups_drawn(*job.scene);
-    setup.from_first = shading.gradient &&
-                       (std::is_same_v<T, float> || std::any_of(groups.begin(), groups.end(), window_of_one_value));
+    // values are alike: in float32, and where gradients of any strength are lit. Elsewhere float64 has digits enough,
+    // and counting so would take it 1.15 to 1.4 times as long.
+    setup.from_first = shading.gradient && (std::is_same_v<T, float> || has_window_of_one_value(*job.scene));
     // (W grad D - D grad W) / W^2 is next to nothing where values are alike: counted from the middle of the values, it
     // has no more rounding errors than what is left. Float64 has digits enough: there plateaus of 0 must stay 0, as
     // gradients of any strength may be lit.
@@ -107,6 +102,7 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
                    : T(0);
     };
     // A field that is all of its group is divided in the group's sheets; each of several has two of its own.
+    const std::vector<Group> groups = groups_drawn(*job.scene);
     for (const Group& group : groups) {
         GroupSheets<T> sheets;
         sheets.rho_channel = setup.channels++;

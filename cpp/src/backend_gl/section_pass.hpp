@@ -17,7 +17,7 @@ class SectionPass {
   public:
     explicit SectionPass(const gl::Api& gl);
 
-    /// Slices all kernels of a view's field. `kernels` owns the field.
+    /// Slices all kernels of a view's field. `kernels` owns the field. counting: of its values.
     void slice(const std::shared_ptr<const EllipsoidField>& kernels, const EllipsoidView& view,
                const Counting& counting);
     /// The records of the field that was sliced last, or before it, as texels of a buffer.

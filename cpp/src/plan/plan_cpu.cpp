@@ -56,14 +56,6 @@ double least_faded(const Scene& scene, const ViewFacts& view, const SumFacts& su
 /// Where kernels end shows.
 bool tells_empty(const DrawPlan& plan) { return plan.weight && (plan.empty_test || counts_weighted_slices(plan.mode)); }
 
-/// Gradients below a share of the window are shaded as weaker ones (conventions, section 6); here none is.
-bool has_window_of_one_value(const Scene& scene) {
-    const std::vector<Group> groups = groups_drawn(scene);
-    return std::any_of(groups.begin(), groups.end(), [](const Group& group) {
-        return group.transfer_function->v_min() == group.transfer_function->v_max();
-    });
-}
-
 /// Why float32 would not keep its bound; empty where it does.
 std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPlan& plan, const SumFacts& sums) {
     const std::string ell = number(view.frame.reference_length) + " (the reference length)";
@@ -71,7 +63,7 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
         return "";
     }
     if (plan.gradient && plan.mode == Mode::composite && has_window_of_one_value(scene)) {
-        return "the transfer function has one value, so that gradients of any strength are lit (section 6)";
+        return "the transfer function has one value, so that gradients of any strength are lit (section 5)";
     }
     if (plan.mode == Mode::composite && view.frame.slices > most_plain_slices) {
         return std::to_string(view.frame.slices) + " slices would make float32 sums drift";

@@ -147,8 +147,10 @@ SectionRecord EllipsoidView::record(std::size_t i, const EyeKernel& kernel, std:
     record.first = f(static_cast<double>(anchor));
     record.s = f(s);
     record.step_s = f(step_s);
-    record.value =
-        counting.amount(field_->value(i), f(amount * weight_scale_), field_->value(i) * amount * value_scale_);
+    // A weight of 0 still reaches, by the least that is drawn: what D and W have of it is a value of 0.
+    const double value = amount > 0.0 ? field_->value(i) : 0.0;
+    record.weight = f(std::max(amount * weight_scale_, least_drawn_weight));
+    record.value = counting.amount(value, record.weight, value * amount * value_scale_);
     record.ux = f(u.x);
     record.uy = f(u.y);
     record.vx = f(v.x);
@@ -169,7 +171,6 @@ SectionRecord EllipsoidView::record(std::size_t i, const EyeKernel& kernel, std:
                             left(step.y),
                             {0.0F, 0.0F}};
     }
-    record.weight = f(std::max(amount * weight_scale_, least_drawn_weight));
     return record;
 }
 

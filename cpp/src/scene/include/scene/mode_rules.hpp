@@ -49,6 +49,10 @@ std::vector<Group> groups_drawn(const Scene& scene);
 /// Which of groups_drawn a field belongs to.
 std::size_t group_drawn_of(const Scene& scene, std::size_t field);
 
+/// A transfer function has one value: gradients below a share of the window are shaded as weaker ones (conventions,
+/// section 5), and there none is.
+bool has_window_of_one_value(const Scene& scene);
+
 /// What a scalar mode shows of a sheet's 1. value_unit: the amount of rho that sheets call 1; slice_spacing: world
 /// units, by which an x-ray integrates.
 constexpr double scalar_unit(Mode mode, double value_unit, double slice_spacing) {

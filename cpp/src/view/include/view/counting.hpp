@@ -1,8 +1,6 @@
 // How kernels' values are counted in the sheets of fields that are divided by their weights.
 #pragma once
 
-#include <cmath>
-
 namespace sheetsplat {
 
 /// A kernel of value f adds c = (f - pivot) / half_range times its weight to D, so that at the ends of the range c is 1

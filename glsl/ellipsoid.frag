@@ -171,17 +171,21 @@ void main() {
 
 #ifdef WEIGHT_ALONE
     float scale = amount.y;
+    sheet_front = weights_of(scale, front);
+#ifdef TWO_TARGETS
+    sheet_back = weights_of(scale, back);
+#endif
 #else
     float scale = amount.x;
-#endif
     sheet_front = scale * front;
 #ifdef TWO_TARGETS
     sheet_back = scale * back;
 #endif
+#endif
 #ifdef WEIGHT
-    weight_front = amount.y * front;
+    weight_front = weights_of(amount.y, front);
 #ifdef TWO_TARGETS
-    weight_back = amount.y * back;
+    weight_back = weights_of(amount.y, back);
 #endif
 #endif
 #ifdef FINE

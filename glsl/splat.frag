@@ -113,10 +113,15 @@ void main() {
 #endif
 #endif
 
-#if defined(NONNEGATIVE)
-    const float scale = 1.0;
-#elif defined(WEIGHT_ALONE)
+#if defined(WEIGHT_ALONE)
     float scale = weight_scale;
+    sheet_front = weights_of(scale, front);
+#ifdef TWO_TARGETS
+    sheet_back = weights_of(scale, back);
+#endif
+#else
+#ifdef NONNEGATIVE
+    const float scale = 1.0;
 #else
     float scale = kernel.z;
 #endif
@@ -124,10 +129,11 @@ void main() {
 #ifdef TWO_TARGETS
     sheet_back = scale * back;
 #endif
+#endif
 #ifdef WEIGHT
-    weight_front = weight_scale * front;
+    weight_front = weights_of(weight_scale, front);
 #ifdef TWO_TARGETS
-    weight_back = weight_scale * back;
+    weight_back = weights_of(weight_scale, back);
 #endif
 #endif
 #if defined(FINE) && defined(ANALYTIC)

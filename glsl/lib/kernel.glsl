@@ -9,6 +9,14 @@ vec4 kernel_at(vec4 s, vec4 ax, vec4 ay) {
     return max(exp2(-falloff_log2 * (s * s + ax * ax + ay * ay)) - edge, 0.0);
 }
 
+#if defined(WEIGHT) || defined(WEIGHT_ALONE)
+// Weights at points: above 0 wherever the kernel reaches, as what is 0 counts as empty. The product alone would leave float32's range
+// where a slab only just meets a support whose weight is next to nothing.
+vec4 weights_of(float weight, vec4 g) {
+    return max(weight * g, mix(vec4(0.0), vec4(1e-37), greaterThan(g, vec4(0.0))));
+}
+#endif
+
 #ifdef SLAB
 #ifdef ELLIPSOID
 float slab_half = 0.0;      // half a slice spacing over the half-depth h: each kernel has its own

@@ -40,7 +40,7 @@ from sheetsplat.supersampling import counting_samples, fine_depths, fine_size
 _log = logging.getLogger("sheetsplat")
 
 # Effects that look light up on grids, and the root mean square error of a picture from which on a warning says so.
-_LIGHT = {"shadows": "shadows", "ambient_occlusion": "the ambient occlusion"}
+_LIGHT = {"shadows": "shadows", "ambient_occlusion": "values of ambient occlusion"}
 _LARGE_LIGHT_ERROR = 0.05
 
 

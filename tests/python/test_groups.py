@@ -339,6 +339,24 @@ def test_groups_that_do_not_meet_are_one(look: str, backend: str) -> None:
     assert_same_depths(two.depth, one.depth)
 
 
+# Each group alone ends at an opacity of 0.79, both at 0.96, in steps of 0.2 of what is left.
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("look", [{}, {"preintegration": True}, {"mode": "isosurface", "iso_value": [(0.5, 0.55)]}])
+@pytest.mark.parametrize("stop", [0.7, 0.85, 0.9])
+def test_groups_stop_together(stop: float, look: dict[str, Any], backend: str) -> None:
+    ball = {"centers": np.zeros((1, 3)), "scales": np.ones((1, 3)), "values": np.ones(1), "normalization": "none"}
+    other = ball | {"centers": np.full((1, 3), 0.01)}
+    parts = scene_parts.parts([ball, other], parallel(height=0.3), size=(3, 3)) | {
+        "groups": [[0], [1]],
+        "transfer": [[(0.0, 1.0, 0.0, 0.0, 0.1), (1.0, 0.0, 1.0, 0.0, 0.11)]] * 2,
+        "scene": {"slice_spacing": 0.15, "reference_length": 0.15, "opacity_stop": stop, **look},
+    }
+    scene, camera, size = scene_parts.build(ss, parts)
+    expected = ss.Renderer("reference").render(scene, camera, size=size)
+    assert stop <= expected.pixels[..., 3].min() and expected.pixels[..., 3].max() < 0.96
+    assert_close(ss.Renderer(backend).render(scene, camera, size=size), expected, FLOAT32, "both groups")
+
+
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_a_field_in_two_groups(backend: str) -> None:
     """The index of a field is kept for each place in which the scene has it."""

@@ -76,3 +76,24 @@ def test_slabs_of_any_thickness_are_the_references(thickness: float, view: str, 
             if not within(distance, ROUNDING):
                 wrong[aspect, falloff, normalization] = distance
     assert not wrong, wrong
+
+
+@pytest.mark.parametrize("backend", ["cpu", pytest.param("gl", marks=pytest.mark.gl)])
+@pytest.mark.parametrize("weight", [0.0, 1e-25])
+@pytest.mark.parametrize("slabs", [2, 6, 40])
+@pytest.mark.parametrize("past", [1e-4, 1e-3])
+def test_a_slab_that_a_support_only_just_meets_is_not_empty(
+    past: float, slabs: int, weight: float, backend: Any
+) -> None:
+    """Opacity above 0 at 0 shows it, whatever the kernel weighs: weights times means are not rounded to 0."""
+    field = ss.EllipsoidField([[0, 0, 0], [9, 0, 0]], 1.0, values=np.ones(2), weights=np.array([weight, 1.0]))
+    function = ss.TransferFunction([(0, 0.2, 0.3, 0.9, 0.1), (1, 0.2, 0.3, 0.9, 0.1)])
+    spacing = (1.0 - past) / slabs
+    scene = ss.Scene(
+        field, function, sampling="slab", slice_spacing=spacing, reference_length=spacing, opacity_stop=1.0
+    )
+    camera = ss.Camera.orthographic((0, 0, 3), (0, 0, 0), height=1e-3)
+    expected, found = (ss.Renderer(name).render(scene, camera, size=(3, 3)) for name in ("reference", backend))
+    # One slab at each end that the support leaves after `past`.
+    np.testing.assert_allclose(expected.pixels[..., 3], 1 - 0.9 ** (2 * slabs + 2), rtol=1e-6)
+    np.testing.assert_allclose(found.pixels, expected.pixels, atol=1e-6)

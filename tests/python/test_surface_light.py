@@ -248,6 +248,29 @@ def test_the_stated_error_is_the_true_one_within_a_factor_of_2(seed: int) -> Non
     assert np.linalg.norm(shares) == pytest.approx(stated(image), rel=1e-6)
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("projection", ["orthographic", "perspective"])
+def test_what_a_filter_adds_beyond_the_grid_is_in_the_error(projection: Any, backend: Any) -> None:
+    """Pixels as large as the kernels widen them, and where their surfaces are, far beyond what light is kept for."""
+    field = ss.EllipsoidField([[0, 0, 0], [1.2, 0.2, -0.3]], 0.25, values=np.ones(2), w0=0.004)
+    scene = ss.Scene(
+        field,
+        [(0, 0.9, 0.6, 0.4, 0.5), (1, 0.9, 0.6, 0.4, 0.5)],
+        mode="isosurface",
+        iso_value=0.5,
+        filter="ewa",
+        slice_spacing=0.08,
+        ambient_occlusion=ss.AmbientOcclusion(0.8, 0.6),
+    )
+    camera = ss.Camera.fit(field, direction=(-0.3, -0.2, -1.0), kind=projection)
+    size = (7, 7)
+    with pytest.warns(ss.PictureWarning, match=f"ambient occlusion of backend {backend}"):
+        image = ss.Renderer(backend).render(scene, camera, size=size)
+    true = distance(image.pixels, ss.Renderer("reference").render(scene, camera, size=size).pixels).rmse
+    assert true > 0.01
+    assert true <= stated(image) <= 1.3 * true
+
+
 def test_large_errors_are_seen() -> None:
     """A light that passes many thin steps through steep opacities on a coarse grid: the picture says that it is off."""
     rng = np.random.default_rng(5)

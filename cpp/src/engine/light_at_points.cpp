@@ -53,7 +53,12 @@ LightAtPoints::LightAtPoints(const Request& request, const Prepared& prepared, c
       clipping_(scene_, camera_), cell_(cell_of(scene_)), box_(supports_world(scene_)),
       lengths_(frame_.slice_spacing / frame_.reference_length) {
     if (plan_.filter) {
-        const double wider = 4.0 * (frame_.largest_pixel() + frame_.slice_spacing);
+        double wider = 0.0;
+        for (const auto& field : scene_.fields) {
+            const FilterWidth width =
+                filter_width(frame_, field->kernel(), frame_.depth_of(std::max<std::int64_t>(frame_.slices, 1) - 1));
+            wider = std::max({wider, width.across, width.along});
+        }
         box_ = {box_.lower - wider, box_.upper + wider};
     }
     for (const Light& light : scene_.lights) {
@@ -205,11 +210,18 @@ PointValues::Value LightAtPoints::mean_between(std::size_t group, const Vec3& fr
     return sum;
 }
 
+double LightAtPoints::last_step(const Vec3& world, const Vec3& direction, const Vec3& place, const Vec3& step) const {
+    // The grid has the supports as they are, of which a filter makes wider ones.
+    const double end = plan_.filter ? std::floor(within(box_, world, direction).second / frame_.slice_spacing) + 1.0
+                                    : lines_.last_step_in_grid(place, step);
+    return std::min(end, lines_.last_step_kept(place, step));
+}
+
 // What a line through the grid of rho leaves of light, less what the definition leaves. rho is computed from the
 // kernels where the grid leaves open on which side of a surface a point is.
 double LightAtPoints::line_off(const Vec3& world, const Vec3& direction, const Vec3& step, double steps) const {
     const Vec3 place = volumes_.groups.front()->place_of(world);
-    const double last = std::min(lines_.last_step(place, step), steps);
+    const double last = std::min(last_step(world, direction, place, step), steps);
     double absorbed = 0.0, drawn = 0.0;
     for (std::size_t group = 0; group < groups_.size(); ++group) {
         double before = 0.0, drawn_before = 0.0;
@@ -240,7 +252,7 @@ double LightAtPoints::absorbed_along(const Vec3& world, const Vec3& direction, c
     const double spacing = frame_.slice_spacing;
     const auto [from, to] = within(cell_, world, direction);
     const double first = std::max(2.0, std::floor(from / spacing));
-    const double last = std::min({lines_.last_step(place, step), steps, std::floor(to / spacing) + 1.0});
+    const double last = std::min({last_step(world, direction, place, step), steps, std::floor(to / spacing) + 1.0});
     const auto below = [&](std::size_t group, double point) {
         const Vec3 there = place + point * step;
         const double side = side_at(group, there);

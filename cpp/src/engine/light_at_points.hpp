@@ -89,6 +89,8 @@ class LightAtPoints {
     [[nodiscard]] double side_at(std::size_t group, const Vec3& place) const;
     [[nodiscard]] PointValues::Value side_in_cell(std::size_t group, const Vec3& world,
                                                   const LightVolume::Around& around) const;
+    /// Steps to the last point that matters on a line towards light by the definition. place, step: in the grid.
+    [[nodiscard]] double last_step(const Vec3& world, const Vec3& direction, const Vec3& place, const Vec3& step) const;
     [[nodiscard]] double line_off(const Vec3& world, const Vec3& direction, const Vec3& step, double steps) const;
     [[nodiscard]] double left_along(const Vec3& world, const Vec3& direction, double steps) const;
     [[nodiscard]] double absorbed_along(const Vec3& world, const Vec3& direction, const Vec3& step, double steps) const;

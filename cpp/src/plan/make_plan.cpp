@@ -46,8 +46,12 @@ bool saturates_within(const Scene& scene, const ViewFacts& view, std::int64_t sl
         return true;
     }
     const double exponent = view.frame.slice_spacing / view.frame.reference_length * view.frame.largest_slant;
-    const double reach =
-        -std::expm1(std::log1p(-opacity) * exponent * static_cast<double>(std::min(slices, view.frame.slices)));
+    // Intervals are one more than the slices: the first one begins before them. What second order extrapolates is at
+    // most a third more than the halves of an interval absorb.
+    const std::int64_t steps = view.frame.slices + (scene.preintegration ? 1 : 0);
+    const double more = scene.preintegration && scene.second_order ? 4.0 / 3.0 : 1.0;
+    const double step = std::min(-more * std::expm1(std::log1p(-opacity) * exponent), 1.0);
+    const double reach = -std::expm1(std::log1p(-step) * static_cast<double>(std::min(slices, steps)));
     return reach >= scene.opacity_stop;
 }
 
@@ -57,7 +61,7 @@ namespace {
 struct SceneShows {
     bool anything = true;
     std::string why_nothing;
-    double opacity = 1.0; ///< largest that occurs
+    double opacity = 1.0; ///< largest that occurs at a point, of all groups together
 };
 
 SceneShows shown_of(const Scene& scene, const ViewFacts& view) {
@@ -76,7 +80,9 @@ SceneShows shown_of(const Scene& scene, const ViewFacts& view) {
                 shows.opacity = std::max(shows.opacity, crossed ? iso.opacity : 0.0);
             }
         } else {
-            shows.opacity = std::max(shows.opacity, most_opaque(*group.transfer_function, values));
+            // Groups absorb together: conventions, section 4.
+            const double opacity = most_opaque(*group.transfer_function, values);
+            shows.opacity += (1.0 - shows.opacity) * opacity;
         }
         ranges += (ranges.empty() ? "" : "; ") + number(values.lower) + " to " + number(values.upper);
     }
@@ -419,7 +425,7 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     // What lies in front of a part may have taken nearly all light.
     const bool saturates =
         !scalar && shows.anything &&
-        ((scene.part && scene.part->in_front) || saturates_within(scene, view, view.frame.slices, shows.opacity));
+        ((scene.part && scene.part->in_front) || saturates_within(scene, view, view.frame.slices + 1, shows.opacity));
     const bool opaque_surfaces =
         scene.mode == Mode::isosurface && std::all_of(scene.iso_values.begin(), scene.iso_values.end(),
                                                       [](const IsoValue& iso) { return iso.opacity == 1.0; });

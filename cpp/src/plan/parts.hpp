@@ -30,7 +30,7 @@ struct SceneCalls {
 /// Largest falloff of fields that have kernels.
 double steepest_falloff(const Scene& scene);
 
-/// True where opacity can reach A_stop along some ray of this many slices of at most `opacity` each.
+/// True where opacity can reach A_stop along some ray within this many slices, or intervals, of at most `opacity` each.
 bool saturates_within(const Scene& scene, const ViewFacts& view, std::int64_t slices, double opacity);
 
 /// OpenGL's part of make_plan: `plan` holds what follows from the scene already. Throws Unsupported.

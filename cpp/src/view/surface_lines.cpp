@@ -70,6 +70,10 @@ double occlusion_steps(const AmbientOcclusion& occlusion, double slice_spacing) 
 }
 
 double SurfaceLines::last_step(const Vec3& place, const Vec3& step) const {
+    return std::min(last_step_in_grid(place, step), last_step_kept(place, step));
+}
+
+double SurfaceLines::last_step_in_grid(const Vec3& place, const Vec3& step) const {
     double last = std::numeric_limits<double>::max();
     for (int axis = 0; axis < 3; ++axis) {
         if (step[axis] != 0.0) {
@@ -77,7 +81,11 @@ double SurfaceLines::last_step(const Vec3& place, const Vec3& step) const {
             last = std::min(last, (face - place[axis]) / step[axis]);
         }
     }
-    last = std::floor(last) + 1.0;
+    return std::floor(last) + 1.0;
+}
+
+double SurfaceLines::last_step_kept(const Vec3& place, const Vec3& step) const {
+    double last = std::numeric_limits<double>::max();
     for (const Kept& half : kept) {
         const double nearer = -glm::dot(half.normal, step);
         if (nearer > 0.0) {

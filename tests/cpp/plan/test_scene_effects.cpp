@@ -348,6 +348,36 @@ TEST(SceneEffects, TheStopCountsWhereSurfacesAreTranslucent) {
     EXPECT_FALSE(plan_of(scene).stop);
 }
 
+// Six slices, a reference length apart, of an opacity of 0.5: together 1 - 0.5^6 = 0.984.
+TEST(SceneEffects, TheStopCountsWhereOpacityCanReachIt) {
+    Scene scene = lit_scene();
+    scene.transfer_function = TransferFunction({{0.0, {1, 1, 1}, 0.5}, {1.0, {1, 1, 1}, 0.5}});
+    scene.opacity_stop = 0.98;
+    EXPECT_TRUE(plan_of(scene).stop);
+    scene.opacity_stop = 0.99;
+    EXPECT_FALSE(plan_of(scene).stop);
+    // Seven intervals: 0.992.
+    scene.preintegration = true;
+    EXPECT_TRUE(plan_of(scene).stop);
+    // 1 - (1 - 4/3 0.5)^7 = 0.9995.
+    scene.opacity_stop = 0.999;
+    EXPECT_FALSE(plan_of(scene).stop);
+    scene.second_order = true;
+    EXPECT_TRUE(plan_of(scene).stop);
+}
+
+TEST(SceneEffects, TheStopCountsWhatGroupsAbsorbTogether) {
+    Scene scene = lit_scene();
+    scene.transfer_function = TransferFunction({{0.0, {1, 1, 1}, 0.5}, {1.0, {1, 1, 1}, 0.5}});
+    scene.fields = {volume(), volume()};
+    scene.later_groups = {{1, scene.transfer_function}};
+    // 1 - 0.25^6 = 0.99976
+    scene.opacity_stop = 0.9995;
+    EXPECT_TRUE(plan_of(scene).stop);
+    scene.opacity_stop = 0.9999;
+    EXPECT_FALSE(plan_of(scene).stop);
+}
+
 TEST(SceneEffects, ScalarModesHaveNoneButClip) {
     for (const Mode mode : {Mode::xray, Mode::mip}) {
         Scene scene = lit_scene();

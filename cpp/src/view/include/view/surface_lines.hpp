@@ -47,6 +47,9 @@ struct SurfaceLines {
     /// Steps to the last point that matters on a line from a place that clipping keeps: the first one beyond the grid,
     /// or the last one that is kept. A negative number: none.
     [[nodiscard]] double last_step(const Vec3& place, const Vec3& step) const;
+    /// The two of which that is the nearer one.
+    [[nodiscard]] double last_step_in_grid(const Vec3& place, const Vec3& step) const;
+    [[nodiscard]] double last_step_kept(const Vec3& place, const Vec3& step) const;
     /// b(rho)
     [[nodiscard]] double absorbed_below(double rho) const;
     /// 2^-a

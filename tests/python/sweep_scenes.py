@@ -86,6 +86,49 @@ def alike_scene(seed: int) -> Parts:
     }
 
 
+def plateau_scene(seed: int) -> Parts:
+    """Return lit quotients of three values or of a few kernels, with far weaker gradients lit than elsewhere.
+
+    Where a single kernel, or only kernels of one value, reach the gradient is 0, and what rounding makes of it is lit.
+    """
+    parts, rng = alike_scene(seed), np.random.default_rng([15, seed])
+    scene, spread = parts["scene"], rng.uniform(0.02, 0.5)
+    three = 0.5 + spread * (rng.random(3) - 0.5)
+    length = 1.0
+    if rng.random() < 0.4:
+        count = int(rng.integers(6, 10))
+        length = 2 / count
+        places = np.stack(np.meshgrid(*[np.arange(count)] * 3, indexing="ij"), -1) - count / 2
+        values = three[sum((places @ rng.normal(size=3) > 0).astype(int) for _ in range(2))]
+        w0 = float(10 ** rng.uniform(-1, 0.7))
+        parts["fields"] = [
+            {
+                "values": values.astype(np.float32),
+                "spacing": (length,) * 3,
+                "origin": (-1.0,) * 3,
+                "normalization": "threshold",
+                "w0": w0,
+            }
+        ]
+        scene["slice_spacing"] = float(length * rng.uniform(0.3, 1.2))
+    else:
+        count = int(pick(rng, 2, 4, 8, 40))
+        field = cloud(rng, count, float(rng.uniform(1, 6)), float(10 ** rng.uniform(0, pick(rng, 0.5, 1, 3))))
+        field |= {"w0": float(10 ** rng.uniform(-2.7, 0)), "falloff": float(pick(rng, 2, 4, 8))}
+        field["values"] = pick(rng, rng.choice(three, count), 0.5 + spread * (rng.random(count) - 0.5))
+        parts["fields"] = [field]
+        length = float(np.min(field["scales"]))
+    if rng.random() < 0.6:
+        scene["reference_length"] = float(length * 10 ** rng.uniform(-0.5, 1.3))
+    scene["gradient"] = pick(rng, "sheets", "analytic")
+    if scene["mode"] == "isosurface":
+        scene["iso_value"] = float(np.min(parts["fields"][0]["values"]) * rng.uniform(0.5, 0.98))
+    narrow = float(pick(rng, 0.0, *(10 ** rng.uniform(-2, 0, 4))))
+    low = parts["transfer"][0][0]
+    parts["transfer"] = [(low + narrow * (point[0] - low), *point[1:]) for point in parts["transfer"]]
+    return parts
+
+
 KINDS: dict[str, Callable[[int], Parts]] = {
     "effects": effect_scene,
     "groups": group_scene,
@@ -94,8 +137,14 @@ KINDS: dict[str, Callable[[int], Parts]] = {
 }
 
 
+# Numbers from here on are plateaus; below, the other kinds by turns.
+PLATEAUS = 2_000_000
+
+
 def scene_of(number: int) -> tuple[str, Parts]:
-    """Return the kind and the parts of a numbered scene: the kinds by turns."""
+    """Return the kind and the parts of a numbered scene."""
+    if number >= PLATEAUS:
+        return "plateaus", plateau_scene(number)
     kind = list(KINDS)[number % len(KINDS)]
     return kind, KINDS[kind](10_000 + number // len(KINDS))
 

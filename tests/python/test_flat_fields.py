@@ -158,6 +158,29 @@ def test_opengl_counts_plateaus_from_the_middle_of_their_values(low: float, high
     assert_close(image, by_reference(parts), FLOAT32, f"plateaus of a lattice {low} {high} {length}")
 
 
+@pytest.mark.parametrize("backend", ["cpu", pytest.param("gl", marks=pytest.mark.gl)])
+@pytest.mark.parametrize("gradient", ["analytic", "sheets"])
+@pytest.mark.parametrize(("low", "high"), [(0.37, 0.37), (0.23, 0.61)])
+def test_no_backend_lights_rounding_under_a_transfer_function_of_one_value(
+    low: float, high: float, gradient: str, backend: str
+) -> None:
+    """Every gradient is lit at full strength there, the reference's own rounding as well."""
+    parts = plateaus(low, high, gradient=gradient, slice_spacing=0.1)
+    parts["transfer"] = [(0.2, 0.9, 0.3, 0.2, 0.0), (0.2, 0.3, 0.8, 0.5, 0.3)]
+    one = parts["fields"][0]
+    if low != high:
+        # Apart from one another: where they met gradients would be real.
+        one["centers"] = one["centers"] + np.sign(one["centers"][:, :1]) * (1.2, 0.0, 0.0)
+        parts["camera"] = scene_parts.parallel(height=5.0)
+    expected = by_reference(parts)
+    assert np.count_nonzero(expected.rgba[..., 3]) > 60
+    if backend == "gl" and gradient == "analytic" and low != high:
+        with pytest.raises(ss.Unsupported, match="transfer function of one value"):
+            drawn(parts, backend)
+        return
+    assert_close(drawn(parts, backend), expected, FLOAT32, f"one value {low} {high} {gradient} {backend}")
+
+
 @pytest.mark.parametrize("w0", [1e-200, 1e-30, 0.3])
 def test_weights_of_0_have_the_value_0_under_a_transfer_function_of_one_value(w0: float) -> None:
     """Counted from the first kernel they must not have its value where no other kernel is."""

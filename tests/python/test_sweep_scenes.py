@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import sweep_scenes
 from scene_parts import Parts
-from sweep_scenes import KINDS, fault, scene_of, shrunk
+from sweep_scenes import KINDS, PLATEAUS, fault, scene_of, shrunk
 
 import sheetsplat as ss
 
@@ -27,6 +27,25 @@ def test_numbered_scenes_are_right_or_refused(number: int) -> None:
     except (ss.Unsupported, ss.InvalidInput) as error:
         pytest.skip(f"refused: {error}")
     assert not wrong, f"{kind}: {wrong}"
+
+
+# Plateaus that OpenGL once lit by rounding, up to 8 times the bound.
+LIT = (2000200, 2000206, 2000519, 2000578, 2000662, 2100030)
+
+
+@pytest.mark.parametrize("number", range(PLATEAUS, PLATEAUS + 3 * EACH))
+def test_plateaus_are_right(number: int) -> None:
+    assert not fault(scene_of(number)[1], "cpu")
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize("number", [*range(PLATEAUS, PLATEAUS + EACH), *LIT])
+def test_opengl_draws_plateaus_right_or_refuses(number: int) -> None:
+    try:
+        wrong = fault(scene_of(number)[1], "gl")
+    except ss.Unsupported as error:
+        pytest.skip(f"refused: {error}")
+    assert not wrong
 
 
 @pytest.mark.slow

@@ -199,7 +199,7 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
     if (!wide) {
         defines["PHASE"] = std::to_string(phase);
     }
-    const std::array<std::pair<const char*, bool>, 33> switches{{
+    const std::array<std::pair<const char*, bool>, 34> switches{{
         {"CLASSIFY", plan.mode == Mode::composite},
         {"MODE_ISOSURFACE", plan.mode == Mode::isosurface},
         {"MODE_XRAY", plan.mode == Mode::xray},
@@ -213,6 +213,7 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
         {"PERSPECTIVE", plan.projection == Projection::perspective},
         {"GRADIENT", plan.gradient},
         {"SLOPES", splats_slopes(plan)},
+        {"QUOTIENTS", plan.gradient && (plan.threshold || !plan.own_sheets.empty())},
         {"ANALYTIC", plan.analytic_gradient},
         {"FINE_XY", plan.fine_across},
         {"FINE_Z", plan.fine_along},

@@ -74,6 +74,30 @@ double limit_of(const WeightRange& range, const ViewFacts& view, const SumFacts&
     return gentle ? range.gentle : range.steep;
 }
 
+/// Whether light shows rounding on plateaus of quotients, under a transfer function of one value, which lights
+/// gradients however weak they are: where the derivatives of many kernels cancel, what is left of them is the rounding
+/// of numbers that are not in the sheets, and so is what sums of a crowd differ by from pixel to pixel. One field of
+/// one value has none of it, and at a surface differences are no rounding.
+bool lights_rounding(const Scene& scene, const SumFacts& facts, const DrawPlan& plan) {
+    const bool derivatives = plan.analytic_gradient || (plan.fine_gradient && plan.mode == Mode::composite);
+    const bool crowded = plan.mode == Mode::composite && facts.crowd > most_under_one_value;
+    if (!lights_quotients(plan) || !(derivatives || crowded)) {
+        return false;
+    }
+    for (const Group& group : groups_drawn(scene)) {
+        const bool one_value = group.transfer_function->v_min() == group.transfer_function->v_max();
+        for (std::size_t number = group.first; one_value && number < group.last; ++number) {
+            const Field& field = *scene.fields[number];
+            const std::array<double, 2> values = field.value_range();
+            const bool exact = group.last - group.first == 1 && values[0] == values[1];
+            if (!exact && field.normalization() == Normalization::threshold && field.size() > 0) {
+                return true;
+            }
+        }
+    }
+    return false;
+}
+
 /// What float32 loses of gradients of quotients that are near their kernels' ends, or far magnified. ratio: of values
 /// over what is resolved.
 void check_quotients(const ViewFacts& view, const DrawPlan& plan, const SumFacts& facts, double ratio) {
@@ -311,6 +335,15 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
             "at least " + number(largest / farthest_from_end(plan)),
             (plan.analytic_gradient ? "leave out " + option_ref("gradient", "analytic") + ", or use " : Words("use ")) +
                 option_ref("backend", "cpu"));
+    }
+    if (lights_rounding(scene, facts, plan)) {
+        refuse_sheets("quotients of about " + number(crowd) +
+                          " kernels at a point that are lit under a transfer function of one value: no gradient is too "
+                          "weak to be lit, not even one of rounding",
+                      "a transfer function over a range of values, or at most " + number(most_under_one_value) +
+                          " kernels and gradients by plain differences",
+                      "move its points apart, leave out the lights, or use " + option_ref("backend", "cpu"),
+                      "transfer_function");
     }
     if (lit_quotient) {
         check_quotients(view, plan, facts, lit_ratio);

@@ -47,7 +47,8 @@ void plan_sheets(const Scene& scene, const ViewFacts& view, const RendererOption
     const auto is_far_off = [&](const SumFacts& sums) {
         const bool alike = sums.crowd > plain_lit_crowd &&
                            sums.ratio > plain_lit_change * ratio_from_pivots(scene, plan, sums.resolved);
-        return sums.ratio > largest_plain_lit_ratio || alike;
+        // Under a transfer function of one value gradients of any strength are lit.
+        return sums.ratio > largest_plain_lit_ratio || alike || has_window_of_one_value(scene);
     };
     const bool far_off = lights_quotients(plan) && !plan.fine_gradient && !effects.forced_on(EffectId::paper_slicing) &&
                          is_far_off(sum_facts(scene, view, plan));

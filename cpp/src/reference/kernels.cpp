@@ -307,7 +307,7 @@ EyeKernel EyeKernels::seen(const WorldKernel& kernel) const {
     const Vec3 centre(glm::dot(from_eye, right_), glm::dot(from_eye, up_), glm::dot(from_eye, backward_));
     const KernelShape shape = common_shape_ ? *common_shape_ : shape_of(kernel, -centre.z);
     const double weight = kernel.weight * shape.amplitude();
-    return {centre, shape, weight * kernel.value, weight};
+    return {centre, shape, weight * kernel.value, weight, kernel.value};
 }
 
 } // namespace sheetsplat::reference

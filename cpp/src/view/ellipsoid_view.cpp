@@ -158,7 +158,7 @@ SectionRecord EllipsoidView::record(std::size_t i, const EyeKernel& kernel, std:
     record.step_x = f(step.x);
     record.step_y = f(step.y);
     if (rest != nullptr) {
-        const auto left = [&](double value) { return f(value - static_cast<double>(f(value))); };
+        const auto left = [&](double number) { return f(number - static_cast<double>(f(number))); };
         *rest = SectionRest{left(at.x - whole.x),
                             left(at.y - whole.y),
                             left(s),

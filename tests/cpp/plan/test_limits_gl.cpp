@@ -60,6 +60,10 @@ void set_weight_range(Case& one, double range) {
     one.scene.fields = {ellipsoids(1.0 / range, 1.0, 1.0, 5.0, offset)};
 }
 
+void set_window(Case& one, double width) {
+    one.scene.transfer_function = TransferFunction({{0.0, {1, 1, 1}, 0.0}, {width, {1, 1, 1}, 0.001}});
+}
+
 const std::vector<Limit> of_gl{
     {"lights", 64, 65, [](Case& c, double x) { c.scene.lights.resize(static_cast<std::size_t>(x)); }},
     {"groups", 16, 17,
@@ -233,6 +237,30 @@ const std::vector<Limit> of_gl{
      [](Case& c, double x) {
          make_close(c, x);
          set_weight_range(c, 300.0);
+     }},
+    {"derivatives_under_one_value", 0.1, 0.0,
+     [](Case& c, double x) {
+         make_analytic(c);
+         c.scene.fields = {ellipsoids()};
+         set_window(c, x);
+     }},
+    {"derivatives_of_surfaces_under_one_value", 0.1, 0.0,
+     [](Case& c, double x) {
+         make_surface(c);
+         make_analytic(c);
+         c.scene.fields = {ellipsoids()};
+         set_window(c, x);
+     }},
+    {"splatted_under_one_value", 0.1, 0.0,
+     [](Case& c, double x) {
+         make_close(c, 10.0);
+         set_window(c, x);
+     }},
+    // Twice as many are reckoned with.
+    {"under_one_value", 17.4, 17.6,
+     [](Case& c, double x) {
+         c.view.overlap.densest = x;
+         set_window(c, 0.0);
      }},
     {"isosurface_gentle", 2.97e4, 3.03e4,
      [](Case& c, double x) {

@@ -120,6 +120,9 @@ constexpr double largest_noise_of_derivatives = 35.0;
 /// Longest over shortest semi-axis of kernels whose derivatives are divided: W grad D and D grad W cancel across flat
 /// ones. At 66 seen at 7.5e-5 (RMSE), at 250 at 1.6e-4, at 700 at 2e-4 (P99.9 4.5e-3).
 constexpr double largest_derived_aspect = 64.0;
+/// Kernels at a point whose quotients are lit under a transfer function of one value: of 33 (a lattice) seen at 4e-7
+/// (RMSE), of 40 at 1e-3.
+constexpr double most_under_one_value = 35.0;
 /// A scene is gentle up to this steepness of opacity and colours (over the window, a slice) and so many pixels to a
 /// reference length.
 constexpr double gentle_steepness = 10.0, gentle_pixels = 100.0;

@@ -146,6 +146,7 @@ struct EyeKernel {
     KernelShape shape;
     double value;  ///< m f times the filter's amplitude
     double weight; ///< m times the filter's amplitude
+    double scalar; ///< f
 
     [[nodiscard]] double depth() const { return -centre.z; }
 };

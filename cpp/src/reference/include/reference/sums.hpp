@@ -36,14 +36,21 @@ struct SheetSums {
     void clear();
     std::vector<double> d, w;
     std::vector<Vec3> slope_d, slope_w;
+    /// What values are counted from in d and slope_d: where a quotient is taken, the value of the first kernel at the
+    /// pixel. So plateaus have its value and no gradient to the last bit.
+    std::vector<double> from;
+    std::vector<unsigned char> begun; ///< 1 where `from` is known
 };
 
 /// rho, and its gradient, of a field from its sums: one normalisation.
 class Normaliser {
   public:
     Normaliser(const Field& field, double radius_factor);
-    [[nodiscard]] double rho(double d, double w) const;
-    [[nodiscard]] Vec3 gradient(double d, double w, const Vec3& slope_d, const Vec3& slope_w) const;
+    /// Whether W is what D is divided by.
+    [[nodiscard]] bool divides() const { return normalization_ == Normalization::threshold; }
+    /// from: what values are counted from in d and slope_d; 0 unless W divides.
+    [[nodiscard]] double rho(double d, double w, double from = 0.0) const;
+    [[nodiscard]] Vec3 gradient(double d, double w, const Vec3& slope_d, const Vec3& slope_w, double from = 0.0) const;
 
   private:
     Normalization normalization_;

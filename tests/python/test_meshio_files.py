@@ -90,3 +90,27 @@ def test_med_holds_no_more_than_is_stored(tmp_path):
         file.create_dataset("huge", (10**12,), "f8", chunks=(1024,))
     with pytest.raises(ss.InvalidInput, match="0 stored bytes of /huge"):
         ss.open(path)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_heaps_that_lead_back_are_refused(tmp_path):
+    """The HDF5 library would go round in them for ever, and no signal ends it."""
+    path = write(tmp_path / "a.med")
+    with h5py.File(path, "a") as file:
+        del file["ENS_MAA/mesh"].attrs["ESP"]
+        file["ENS_MAA/mesh"].attrs["ESP"] = "a text where a number was"
+    data = path.read_bytes()
+    heap = data.index(b"GCOL\x01")
+    path.write_bytes(data[: heap + 24] + (2**64 - 16).to_bytes(8, "little") + data[heap + 32 :])
+    with pytest.raises(ss.InvalidInput, match="in a heap"):
+        ss.open(path)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_xdmf_takes_numbers_alone(tmp_path):
+    path = write(tmp_path / "a.xdmf")
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        del file["data0"]
+        file["data0"] = ["a text of any length"] * 6
+    with pytest.raises(ss.InvalidInput, match="a dataset '/data0' of"):
+        ss.open(path)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import io
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from sheetsplat import _memory
 from sheetsplat._checks import shown
 from sheetsplat.io.checks import beside, finite_points, require_rows, unreadable
-from sheetsplat.io.hdf5_access import walk
+from sheetsplat.io.hdf5_access import checked, inside, walk
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
 from sheetsplat.io.source import DEFLATE_RATIO, Source
@@ -62,7 +63,7 @@ class _References(GuardedParser):
         super().__init__(path)
         self._parser.CharacterDataHandler = self._take
         self._texts: list[str] | None = None
-        self.files: set[str] = set()
+        self.datasets: dict[str, set[str]] = {}
 
     def start(self, name: str, attributes: dict[str, str]) -> None:
         """Take the DataItems whose numbers are elsewhere."""
@@ -82,13 +83,21 @@ class _References(GuardedParser):
     def _end(self, name: str) -> None:
         super()._end(name)
         if self._texts is not None:
-            self.files.add("".join(self._texts).strip().partition(":")[0])
+            file, _, name = "".join(self._texts).strip().partition(":")
+            self.datasets.setdefault(file, set()).add(name)
             self._texts = None
 
 
-def _check_hdf5(path: Path) -> None:
-    """Raise InvalidInput for links to other files, and for datasets larger than what is stored of them."""
+def _check_hdf5(path: Path, of_numbers: Iterable[str] = ()) -> None:
+    """Raise InvalidInput for links to other files, and for datasets larger than what is stored of them.
+
+    Those `of_numbers` must be such: texts of any length are in heaps, which meshio lets the HDF5 library read for ever.
+    """
     with h5py.File(path, "r") as file:
+        for name in of_numbers:
+            one = inside(path, file, name)
+            if isinstance(one, h5py.Dataset) and one.dtype.kind not in "biuf":
+                raise unreadable(path, f"a dataset {shown(name)} of {shown(one.dtype)}", "numbers")
         needed = 0
         for one in walk(path, file, strict=True):
             if one.dtype.kind not in "biufSOV" or one.shape is None:
@@ -115,8 +124,8 @@ def _check(source: Source) -> None:
         while piece := source.stream.read(_CHUNK):
             parser.feed(piece)
         parser.feed(b"", True)
-        for name in sorted(parser.files):
-            _check_hdf5(beside(path, name))
+        for name, datasets in sorted(parser.datasets.items()):
+            _check_hdf5(beside(path, name), sorted(datasets))
 
 
 def _cells(mesh: Any, path: Path) -> Cells:
@@ -156,6 +165,8 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
         if kind == "gmsh":
             with _Lines(io.FileIO(path)) as lines:
                 mesh = importlib.import_module("meshio.gmsh.main").read_buffer(lines)
+        elif kind == "med":
+            mesh = importlib.import_module("meshio.med").read(checked(source))
         else:
             mesh = importlib.import_module("meshio." + kind).read(str(path))
     points: Floats = np.asarray(mesh.points, dtype=np.float64)

@@ -89,10 +89,10 @@ constexpr double densest_lit = 2e5;
 /// Values over the window beyond which quotients that are lit are counted from the middle of the values: at 4.3
 /// seen at 2.4e-5 (RMSE), at 31 at 4e-4 (P99.9), and then at 2e-5. Test: GlChooses.CountsFromTheMiddleFrom.
 constexpr double largest_plain_lit_ratio = 2.0;
-/// Values over the largest difference from their middle beyond which so many at a point are counted from it too: what
-/// is lit where they hardly change is rounding. 60 kernels of one value at 1.1 windows seen at 2.1e-5 (RMSE), 2e-5
-/// allowed. Test: GlChooses.CountsFromTheMiddleWhereValuesAreAlike.
-constexpr double plain_lit_change = 32.0, plain_lit_crowd = 4.0;
+/// Values over the largest difference from their middle beyond which they are counted from it too: what is lit where
+/// they hardly change is rounding. 60 kernels of one value at 1.1 windows seen at 2.1e-5 (RMSE), 2e-5 allowed. Test:
+/// GlChooses.CountsFromTheMiddleWhereValuesAreAlike.
+constexpr double plain_lit_change = 32.0;
 /// gradient_opacity, in windows per reference length, where quotients are divided: where the kernels that overlap have
 /// one value their gradient is rounding alone. At 1e-4 seen at 7e-4 (P99.9).
 constexpr double least_full_gradient = 2e-4;

@@ -50,9 +50,9 @@ void main() {
     vec4 x = varying_part * texelFetch(weight_x_front_texture, at, 0);
     vec4 y = varying_part * texelFetch(weight_y_front_texture, at, 0);
     vec4 z = varying_part * texelFetch(weight_z_front_texture, at, 0);
-    x_sum = above_rounding(texelFetch(x_front_texture, at, 0) - x, 2.0 * x) / divisor;
-    y_sum = above_rounding(texelFetch(y_front_texture, at, 0) - y, 2.0 * y) / divisor;
-    z_sum = above_rounding(texelFetch(z_front_texture, at, 0) - z, 2.0 * z) / divisor;
+    x_sum = above_rounding(texelFetch(x_front_texture, at, 0) - x, of_products * x) / divisor;
+    y_sum = above_rounding(texelFetch(y_front_texture, at, 0) - y, of_products * y) / divisor;
+    z_sum = above_rounding(texelFetch(z_front_texture, at, 0) - z, of_products * z) / divisor;
 #endif
 #ifdef WEIGHT
     weight_sum = weight;

@@ -1,9 +1,10 @@
 // On plateaus of quotients, where rho has no gradient, D and W are rounded apart from one another, and what is left of their difference
-// would be lit. What is no larger than that is none: a real difference of its size is not known either.
+// would be lit. What is no larger than rounding counts as none.
 
-// Roundings to 24 bits of D, W and their quotients: of differences between pixels 8, of derivatives, which are differences of products,
-// 16. With twice as many, gradients that are real are darkened by more than rounding lights.
-const float rounding = 8.0 / 16777216.0;
+// Roundings to 24 bits of D, W and their quotients: 2 of differences between pixels, 16 of differences of two products (derivatives, and
+// differences that are splatted). With more, gradients that are real are darkened by more than rounding lights.
+const float rounding = 2.0 / 16777216.0;
+const float of_products = 8.0;
 
 float above_rounding(float difference, float part) { return abs(difference) > rounding * abs(part) ? difference : 0.0; }
 

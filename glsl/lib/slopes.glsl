@@ -56,7 +56,7 @@ float quotient_change(float d_minus, float w_minus, float w_plus, float d_change
     float m_plus = max(w0, w_plus);
     float m_change = min(w_minus, w_plus) > w0 ? w_change : m_plus - m_minus;
     float part = d_minus * m_change;
-    float change = above_rounding(d_change * m_minus - part, 2.0 * part) / (m_minus * m_plus);
+    float change = above_rounding(d_change * m_minus - part, of_products * part) / (m_minus * m_plus);
 #ifdef PIVOT
     change *= half_range;
     change += pivot * (max(w_minus, w_plus) < w0 ? w_change : min(w_plus, w0) - min(w_minus, w0)) / w0;

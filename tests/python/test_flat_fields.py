@@ -174,11 +174,46 @@ def test_no_backend_lights_rounding_under_a_transfer_function_of_one_value(
         parts["camera"] = scene_parts.parallel(height=5.0)
     expected = by_reference(parts)
     assert np.count_nonzero(expected.rgba[..., 3]) > 60
-    if backend == "gl" and gradient == "analytic" and low != high:
+    if backend == "gl" and low != high:
         with pytest.raises(ss.Unsupported, match="transfer function of one value"):
             drawn(parts, backend)
         return
     assert_close(drawn(parts, backend), expected, FLOAT32, f"one value {low} {high} {gradient} {backend}")
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize(("slope", "pixel"), [(4e-7, 0.5), (2.2e-7, 1.0), (3e-7, 1.0)])
+def test_opengl_keeps_weak_gradients_that_are_real(slope: float, pixel: float) -> None:
+    """What counts as rounding must be no more than that: values that rise by a few roundings from sample to sample."""
+    values = 1 - slope * np.broadcast_to(np.arange(12.0), (12, 12, 12))
+    values = values.copy()
+    values[0, 0, 0] = 0
+    field = ss.RegularField(values, normalization="threshold", w0=0.05)
+    scene = ss.Scene(field, [(0, 0.9, 0.3, 0.2, 0), (1, 0.3, 0.8, 0.5, 0.5)], lights=[ss.Light((1, 0.2, 0.3))])
+    camera = ss.Camera.orthographic((5.5, 5.5, 30), (5.5, 5.5, 5.5), (0, 1, 0), height=16 * pixel)
+    images = [ss.Renderer(backend).render(scene, camera, size=(16, 16)) for backend in ("reference", "gl")]
+    assert_close(images[1], images[0], FLOAT32, f"weak gradients {slope} {pixel}")
+
+
+@pytest.mark.gl
+def test_opengl_keeps_weak_gradients_beside_quotients() -> None:
+    """Groups that are no quotients have no rounding to be left out."""
+    large = ss.EllipsoidField([[0, 0, 0]], 200.0, values=np.ones(1), normalization="none", falloff=2.0)
+    images = {}
+    for normalization in ("none", "threshold"):
+        small = ss.EllipsoidField([[0, 0, 0]], 1.0, values=np.ones(1), normalization=normalization)
+        transfer = [(0, 0.9, 0.3, 0.2, 0), (1, 0.3, 0.8, 0.5, 0.1)]
+        scene = ss.Scene(
+            [[large], [small]],
+            [transfer, transfer],
+            lights=[ss.Light((1, 0.2, 0.3))],
+            slice_spacing=0.4,
+            reference_length=0.4,
+        )
+        camera = ss.Camera.orthographic((0, 0, 600), (0, 0, 0), (0, 1, 0), height=0.8)
+        drawn_by = [ss.Renderer(backend).render(scene, camera, size=(16, 16)) for backend in ("reference", "gl")]
+        images[normalization] = off_by(drawn_by[1], drawn_by[0])["rmse"]
+    assert images["threshold"] <= 1.1 * images["none"]
 
 
 @pytest.mark.parametrize("w0", [1e-200, 1e-30, 0.3])

@@ -93,15 +93,22 @@ def test_med_holds_no_more_than_is_stored(tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_heaps_that_lead_back_are_refused(tmp_path):
+@pytest.mark.parametrize("what", ["a text", "a virtual dataset", "a virtual dataset beside XDMF"])
+def test_heaps_that_lead_back_are_refused(tmp_path, what):
     """The HDF5 library would go round in them for ever, and no signal ends it."""
-    path = write(tmp_path / "a.med")
-    with h5py.File(path, "a") as file:
-        del file["ENS_MAA/mesh"].attrs["ESP"]
-        file["ENS_MAA/mesh"].attrs["ESP"] = "a text where a number was"
-    data = path.read_bytes()
+    path = write(tmp_path / ("a.xdmf" if "XDMF" in what else "a.med"))
+    damaged = path.with_suffix(".h5") if "XDMF" in what else path
+    with h5py.File(damaged, "a") as file:
+        if what == "a text":
+            del file["ENS_MAA/mesh"].attrs["ESP"]
+            file["ENS_MAA/mesh"].attrs["ESP"] = "a text where a number was"
+        else:
+            layout = h5py.VirtualLayout(shape=(3,), dtype="f8")
+            layout[:] = h5py.VirtualSource(".", "none", shape=(3,))
+            file.create_virtual_dataset("virtual", layout)
+    data = damaged.read_bytes()
     heap = data.index(b"GCOL\x01")
-    path.write_bytes(data[: heap + 24] + (2**64 - 16).to_bytes(8, "little") + data[heap + 32 :])
+    damaged.write_bytes(data[: heap + 24] + (2**64 - 16).to_bytes(8, "little") + data[heap + 32 :])
     with pytest.raises(ss.InvalidInput, match="in a heap"):
         ss.open(path)
 

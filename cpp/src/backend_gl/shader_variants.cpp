@@ -173,7 +173,14 @@ std::vector<std::string> splat_outputs(const DrawPlan& plan, const SplatTarget& 
 ShadedParts shaded_parts(const Scene& scene) {
     ShadedParts parts;
     parts.lights = scene.lights.size();
-    parts.groups = groups_drawn(scene).size();
+    const std::vector<Group> groups = groups_drawn(scene);
+    parts.groups = groups.size();
+    parts.quotients = std::all_of(groups.begin(), groups.end(), [&scene](const Group& group) {
+        const auto fields = scene.fields.begin();
+        return std::any_of(fields + static_cast<std::ptrdiff_t>(group.first),
+                           fields + static_cast<std::ptrdiff_t>(group.last),
+                           [](const auto& field) { return field->normalization() == Normalization::threshold; });
+    });
     if (scene.mode == Mode::isosurface) {
         const bool plain = parts.groups == 1 && scene.iso_values.size() == 1 && scene.iso_values.front().opacity == 1.0;
         parts.surfaces = plain ? 0 : parts.groups * scene.iso_values.size();
@@ -213,7 +220,7 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
         {"PERSPECTIVE", plan.projection == Projection::perspective},
         {"GRADIENT", plan.gradient},
         {"SLOPES", splats_slopes(plan)},
-        {"QUOTIENTS", plan.gradient && (plan.threshold || !plan.own_sheets.empty())},
+        {"QUOTIENTS", plan.gradient && parts.quotients},
         {"ANALYTIC", plan.analytic_gradient},
         {"FINE_XY", plan.fine_across},
         {"FINE_Z", plan.fine_along},

@@ -74,14 +74,10 @@ double limit_of(const WeightRange& range, const ViewFacts& view, const SumFacts&
     return gentle ? range.gentle : range.steep;
 }
 
-/// Whether light shows rounding on plateaus of quotients, under a transfer function of one value, which lights
-/// gradients however weak they are: where the derivatives of many kernels cancel, what is left of them is the rounding
-/// of numbers that are not in the sheets, and so is what sums of a crowd differ by from pixel to pixel. One field of
-/// one value has none of it, and at a surface differences are no rounding.
-bool lights_rounding(const Scene& scene, const SumFacts& facts, const DrawPlan& plan) {
-    const bool derivatives = plan.analytic_gradient || (plan.fine_gradient && plan.mode == Mode::composite);
-    const bool crowded = plan.mode == Mode::composite && facts.crowd > most_under_one_value;
-    if (!lights_quotients(plan) || !(derivatives || crowded)) {
+/// Whether light shows the rounding of quotients: under a transfer function of one value it shows gradients however
+/// weak they are. One field of one value has none of it, and at a surface differences are no rounding.
+bool lights_rounding(const Scene& scene, const DrawPlan& plan) {
+    if (!plan.lit || !lights_quotients(plan) || !(plan.mode == Mode::composite || plan.analytic_gradient)) {
         return false;
     }
     for (const Group& group : groups_drawn(scene)) {
@@ -336,14 +332,12 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
             (plan.analytic_gradient ? "leave out " + option_ref("gradient", "analytic") + ", or use " : Words("use ")) +
                 option_ref("backend", "cpu"));
     }
-    if (lights_rounding(scene, facts, plan)) {
-        refuse_sheets("quotients of about " + number(crowd) +
-                          " kernels at a point that are lit under a transfer function of one value: no gradient is too "
-                          "weak to be lit, not even one of rounding",
-                      "a transfer function over a range of values, or at most " + number(most_under_one_value) +
-                          " kernels and gradients by plain differences",
-                      "move its points apart, leave out the lights, or use " + option_ref("backend", "cpu"),
-                      "transfer_function");
+    if (lights_rounding(scene, plan)) {
+        refuse_sheets(
+            "quotients of sums that are lit under a transfer function of one value: no gradient is too weak to "
+            "be lit, not even one of rounding",
+            "a transfer function over a range of values",
+            "move its points apart, leave out the lights, or use " + option_ref("backend", "cpu"), "transfer_function");
     }
     if (lit_quotient) {
         check_quotients(view, plan, facts, lit_ratio);

@@ -61,7 +61,7 @@ namespace {
 struct SceneShows {
     bool anything = true;
     std::string why_nothing;
-    double opacity = 1.0; ///< largest that occurs at a point, of all groups together
+    double opacity = 1.0; ///< largest that occurs at a point, of all groups together; of surfaces that of one
 };
 
 SceneShows shown_of(const Scene& scene, const ViewFacts& view) {

@@ -45,9 +45,10 @@ void plan_sheets(const Scene& scene, const ViewFacts& view, const RendererOption
     // over the window or over what they differ by, are counted from their middle, which keeps the digits that
     // differences need. Shading divides by one w0 at most.
     const auto is_far_off = [&](const SumFacts& sums) {
-        const bool alike = sums.ratio > plain_lit_change * ratio_from_pivots(scene, plan, sums.resolved);
-        // Under a transfer function of one value gradients of any strength are lit.
-        return sums.ratio > largest_plain_lit_ratio || alike || has_window_of_one_value(scene);
+        const double differing = ratio_from_pivots(scene, plan, sums.resolved);
+        const bool alike =
+            sums.ratio > plain_lit_change * differing && (sums.crowd > plain_lit_crowd || differing > 0.0);
+        return sums.ratio > largest_plain_lit_ratio || alike;
     };
     const bool far_off = lights_quotients(plan) && !plan.fine_gradient && !effects.forced_on(EffectId::paper_slicing) &&
                          is_far_off(sum_facts(scene, view, plan));

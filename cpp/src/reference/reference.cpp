@@ -52,7 +52,7 @@ void check_memory(Size size, const Scene& scene, const Request& request, std::si
         sizeof(double) + 1 + (needs_weights(scene, request) ? sizeof(double) : 0) + (slopes ? sizeof(Vec3) : 0);
     const std::uint64_t a_picture =
         ((scalar ? 1U : 4U) + (request.coverage ? 1U : 0U) + (request.depth ? 1U : 0U)) * sizeof(double);
-    const std::uint64_t scratch = 2 * (sizeof(double) + (slopes ? sizeof(Vec3) : 0));
+    const std::uint64_t scratch = 3 * sizeof(double) + 2 * (slopes ? sizeof(Vec3) : 0);
     const std::string what = "the reference's sheets and picture";
     const std::size_t sheets = sheets_in_window * groups_drawn(scene).size();
     require_memory(checked_product(pixels, sheets * a_sheet + scratch + pictures * a_picture, what), what,

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <string>
 
@@ -34,8 +35,7 @@ void require_finite_sums(const Field& field) {
     const std::array<double, 2> values = field.value_range();
     const double weight = ellipsoids != nullptr ? ellipsoids->weight_range()[1] : 1.0;
     const double most = weight * static_cast<double>(field.size());
-    // A quotient's values are counted from one of them, and may be twice as large.
-    const double largest = 2.0 * most * std::max(std::abs(values[0]), std::abs(values[1]));
+    const double largest = most * std::max(std::abs(values[0]), std::abs(values[1]));
     if (!is_finite(most) || !is_finite(largest)) {
         throw InvalidInput(Complaint{"the field cannot be summed",
                                      text_of_count(field.size()) + " kernels of values between " + text_of(values[0]) +
@@ -61,15 +61,14 @@ void Sheet::clear() {
 
 SheetSums::SheetSums(const Sheet& like)
     : d(like.rho.size()), w(like.rho.size()), slope_d(like.gradient.size()), slope_w(like.gradient.size()),
-      from(like.rho.size()), begun(like.rho.size()) {}
+      plateau(like.rho.size()) {}
 
 void SheetSums::clear() {
     std::fill(d.begin(), d.end(), 0.0);
     std::fill(w.begin(), w.end(), 0.0);
     std::fill(slope_d.begin(), slope_d.end(), Vec3(0.0));
     std::fill(slope_w.begin(), slope_w.end(), Vec3(0.0));
-    std::fill(from.begin(), from.end(), 0.0);
-    std::fill(begun.begin(), begun.end(), static_cast<unsigned char>(0));
+    std::fill(plateau.begin(), plateau.end(), std::numeric_limits<double>::quiet_NaN());
 }
 
 Normaliser::Normaliser(const Field& field, double radius_factor)
@@ -77,19 +76,19 @@ Normaliser::Normaliser(const Field& field, double radius_factor)
       // C is the kernel's mass, which follows its radius; the filter keeps it.
       lattice_constant_(WorldKernels(field).lattice_constant() * radius_factor * radius_factor * radius_factor) {}
 
-double Normaliser::rho(double d, double w, double from) const {
+double Normaliser::rho(double d, double w) const {
     switch (normalization_) {
     case Normalization::none:
         return d;
     case Normalization::lattice:
         return d / lattice_constant_;
     case Normalization::threshold:
-        return w > w0_ ? from + d / w : (d + from * w) / w0_;
+        return d / std::max(w0_, w);
     }
     return d;
 }
 
-Vec3 Normaliser::gradient(double d, double w, const Vec3& slope_d, const Vec3& slope_w, double from) const {
+Vec3 Normaliser::gradient(double d, double w, const Vec3& slope_d, const Vec3& slope_w) const {
     switch (normalization_) {
     case Normalization::none:
         return slope_d;
@@ -97,7 +96,7 @@ Vec3 Normaliser::gradient(double d, double w, const Vec3& slope_d, const Vec3& s
         return slope_d / lattice_constant_;
     case Normalization::threshold:
         // The square of W need not fit.
-        return w > w0_ ? (slope_d - d / w * slope_w) / w : (slope_d + from * slope_w) / w0_;
+        return w > w0_ ? (slope_d - d / w * slope_w) / w : slope_d / w0_;
     }
     return slope_d;
 }
@@ -248,22 +247,17 @@ void FieldSums::splat(const EyeKernel& kernel, std::int64_t n, SheetSums& sums, 
                 slope = reference_distance_ * chord.slope;
             }
             const std::size_t at = sheet.index(i, j);
-            sheet.reached[at] = 1;
-            if (kernel.weight == 0.0) {
-                continue;
-            }
-            double value = kernel.value;
-            if (normaliser_.divides()) {
-                sums.from[at] = sums.begun[at] != 0 ? sums.from[at] : kernel.scalar;
-                sums.begun[at] = 1;
-                value = kernel.weight * (kernel.scalar - sums.from[at]);
-            }
-            sums.d[at] += value * g;
+            sums.d[at] += kernel.value * g;
             sums.w[at] += kernel.weight * g;
+            if (kernel.weight > 0.0 && sums.plateau[at] != kernel.scalar) {
+                sums.plateau[at] =
+                    std::isnan(sums.plateau[at]) ? kernel.scalar : std::numeric_limits<double>::infinity();
+            }
             if (with_slope) {
-                sums.slope_d[at] += value * slope;
+                sums.slope_d[at] += kernel.value * slope;
                 sums.slope_w[at] += kernel.weight * slope;
             }
+            sheet.reached[at] = 1;
         }
     }
 }
@@ -281,12 +275,18 @@ void FieldSums::add_next(Sheet& sheet, SheetSums& sums) {
     }
     held_.erase(std::remove_if(held_.begin(), held_.end(), [n](const Held& held) { return held.last <= n; }),
                 held_.end());
+    // D / W of a plateau is its value, and has no gradient: under a transfer function of one value rounding would be
+    // lit.
+    const auto is_plateau = [&](std::size_t pixel) {
+        return normaliser_.divides_by(sums.w[pixel]) && std::isfinite(sums.plateau[pixel]);
+    };
     for (std::size_t pixel = 0; pixel < sheet.rho.size(); ++pixel) {
-        sheet.rho[pixel] += normaliser_.rho(sums.d[pixel], sums.w[pixel], sums.from[pixel]);
+        sheet.rho[pixel] += is_plateau(pixel) ? sums.plateau[pixel] : normaliser_.rho(sums.d[pixel], sums.w[pixel]);
     }
     for (std::size_t pixel = 0; pixel < sheet.gradient.size(); ++pixel) {
-        sheet.gradient[pixel] += normaliser_.gradient(sums.d[pixel], sums.w[pixel], sums.slope_d[pixel],
-                                                      sums.slope_w[pixel], sums.from[pixel]);
+        sheet.gradient[pixel] += is_plateau(pixel) ? Vec3(0.0)
+                                                   : normaliser_.gradient(sums.d[pixel], sums.w[pixel],
+                                                                          sums.slope_d[pixel], sums.slope_w[pixel]);
     }
     for (std::size_t pixel = 0; pixel < sheet.weight.size(); ++pixel) {
         sheet.weight[pixel] += sums.w[pixel];

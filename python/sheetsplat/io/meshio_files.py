@@ -57,7 +57,7 @@ class _Lines(io.BufferedReader):
 
 
 class _References(GuardedParser):
-    """Finds the files that an XDMF file names."""
+    """Finds the files, and the datasets in them, that an XDMF file names."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
@@ -88,12 +88,14 @@ class _References(GuardedParser):
             self._texts = None
 
 
-def _check_hdf5(path: Path, of_numbers: Iterable[str] = ()) -> None:
+def _check_hdf5(source: Source, of_numbers: Iterable[str] = ()) -> None:
     """Raise InvalidInput for links to other files, and for datasets larger than what is stored of them.
 
-    Those `of_numbers` must be such: texts of any length are in heaps, which meshio lets the HDF5 library read for ever.
+    The datasets named in `of_numbers` must hold numbers: meshio opens their file by its name, and the HDF5 library
+    would read texts of any length for ever where the heap that they are in leads back.
     """
-    with h5py.File(path, "r") as file:
+    path = source.path
+    with h5py.File(checked(source), "r") as file:
         for name in of_numbers:
             one = inside(path, file, name)
             if isinstance(one, h5py.Dataset) and one.dtype.kind not in "biuf":
@@ -115,7 +117,7 @@ def _check(source: Source) -> None:
     if source.packed:
         raise unreadable(path, "a gzipped file", "a file as meshio reads it", "unpack it first")
     if source.head(len(_HDF5)) == _HDF5:
-        _check_hdf5(path)
+        _check_hdf5(source)
         return
     _memory.require(_PER_BYTE * source.at_most(), f"the numbers of {path}")
     if MODULES[source.suffix] == "xdmf":
@@ -125,7 +127,8 @@ def _check(source: Source) -> None:
             parser.feed(piece)
         parser.feed(b"", True)
         for name, datasets in sorted(parser.datasets.items()):
-            _check_hdf5(beside(path, name), sorted(datasets))
+            with Source(beside(path, name)) as other:
+                _check_hdf5(other, sorted(datasets))
 
 
 def _cells(mesh: Any, path: Path) -> Cells:

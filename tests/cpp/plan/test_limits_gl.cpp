@@ -238,6 +238,7 @@ const std::vector<Limit> of_gl{
          make_close(c, x);
          set_weight_range(c, 300.0);
      }},
+    {"differences_under_one_value", 0.1, 0.0, set_window},
     {"derivatives_under_one_value", 0.1, 0.0,
      [](Case& c, double x) {
          make_analytic(c);
@@ -250,17 +251,6 @@ const std::vector<Limit> of_gl{
          make_analytic(c);
          c.scene.fields = {ellipsoids()};
          set_window(c, x);
-     }},
-    {"splatted_under_one_value", 0.1, 0.0,
-     [](Case& c, double x) {
-         make_close(c, 10.0);
-         set_window(c, x);
-     }},
-    // Twice as many are reckoned with.
-    {"under_one_value", 17.4, 17.6,
-     [](Case& c, double x) {
-         c.view.overlap.densest = x;
-         set_window(c, 0.0);
      }},
     {"isosurface_gentle", 2.97e4, 3.03e4,
      [](Case& c, double x) {
@@ -415,7 +405,7 @@ TEST(GlChooses, CountsFromTheMiddleFrom) {
 }
 
 TEST(GlChooses, CountsFromTheMiddleWhereValuesAreAlike) {
-    const auto is_apart = [](double change) {
+    const auto is_apart = [](double change, double crowd) {
         EllipsoidArrays arrays;
         arrays.centers = {Vec3(0.0), Vec3(1.0, 0.0, 0.0)};
         arrays.scales = {Vec3(1.0, 0.5, 2.0), Vec3(1.0, 0.5, 2.0)};
@@ -424,10 +414,16 @@ TEST(GlChooses, CountsFromTheMiddleWhereValuesAreAlike) {
         options.normalization = Normalization::threshold;
         Case one = ellipsoid_case();
         one.scene.fields = {std::make_shared<EllipsoidField>(std::move(arrays), options)};
+        one.view.overlap.densest = one.view.overlap.typical = crowd;
         return !one.plan(Backend::gl).own_sheets.empty();
     };
-    EXPECT_FALSE(is_apart(31.0));
-    EXPECT_TRUE(is_apart(33.0));
+    for (const double crowd : {1.0, 10.0}) {
+        EXPECT_FALSE(is_apart(31.0, crowd));
+        EXPECT_TRUE(is_apart(33.0, crowd));
+    }
+    // Of one value.
+    EXPECT_FALSE(is_apart(1e300, 1.0));
+    EXPECT_TRUE(is_apart(1e300, 10.0));
 }
 
 TEST(GlChooses, EliminationInSoftwareWhereOpaqueWithinSixteenSlices) {

@@ -36,21 +36,19 @@ struct SheetSums {
     void clear();
     std::vector<double> d, w;
     std::vector<Vec3> slope_d, slope_w;
-    /// What values are counted from in d and slope_d: where a quotient is taken, the value of the first kernel at the
-    /// pixel. So plateaus have its value and no gradient to the last bit.
-    std::vector<double> from;
-    std::vector<unsigned char> begun; ///< 1 where `from` is known
+    /// Where W divides: the one value of all kernels of a weight above 0 at the pixel; NaN without one, infinite where
+    /// they differ.
+    std::vector<double> plateau;
 };
 
 /// rho, and its gradient, of a field from its sums: one normalisation.
 class Normaliser {
   public:
     Normaliser(const Field& field, double radius_factor);
-    /// Whether W is what D is divided by.
-    [[nodiscard]] bool divides() const { return normalization_ == Normalization::threshold; }
-    /// from: what values are counted from in d and slope_d; 0 unless W divides.
-    [[nodiscard]] double rho(double d, double w, double from = 0.0) const;
-    [[nodiscard]] Vec3 gradient(double d, double w, const Vec3& slope_d, const Vec3& slope_w, double from = 0.0) const;
+    /// Whether D is divided by W, and not by w0 or C.
+    [[nodiscard]] bool divides_by(double w) const { return normalization_ == Normalization::threshold && w > w0_; }
+    [[nodiscard]] double rho(double d, double w) const;
+    [[nodiscard]] Vec3 gradient(double d, double w, const Vec3& slope_d, const Vec3& slope_w) const;
 
   private:
     Normalization normalization_;

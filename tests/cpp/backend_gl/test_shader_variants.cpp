@@ -1,6 +1,8 @@
 // What is left of the shaders once a plan's defines are decided: nothing of effects that are off, and no branch on one.
+#include <array>
 #include <cctype>
 #include <map>
+#include <memory>
 #include <regex>
 #include <set>
 #include <sstream>
@@ -299,7 +301,8 @@ TEST(ShaderVariants, HoldNothingOfEffectsThatAreOff) {
 
 TEST(ShaderVariants, GroupsAndSurfacesHaveAShaderOfTheirOwn) {
     Scene scene{{}, TransferFunction({{0.0, {1.0, 1.0, 1.0}, 0.0}, {1.0, {1.0, 1.0, 1.0}, 0.5}})};
-    scene.fields.resize(3);
+    scene.fields.assign(3,
+                        std::make_shared<RegularField>(std::vector<float>{1.0F}, std::array<std::size_t, 3>{1, 1, 1}));
     EXPECT_STREQ(shaded_parts(scene).shader(), "shade.frag");
     scene.mode = Mode::isosurface;
     scene.iso_values = {0.5};
@@ -315,6 +318,7 @@ TEST(ShaderVariants, GroupsAndSurfacesHaveAShaderOfTheirOwn) {
     EXPECT_STREQ(shaded_parts(scene).shader(), "shade.frag");
     scene.mode = Mode::composite;
     EXPECT_STREQ(shaded_parts(scene).shader(), "shade_groups.frag");
+    EXPECT_FALSE(shaded_parts(scene).quotients);
     const gl::Defines defines = shade_defines(plain(), shaded_parts(scene), 0);
     EXPECT_EQ(defines.at("GROUPS"), "2");
     EXPECT_EQ(defines.count("SURFACES"), 0U);

@@ -85,7 +85,9 @@ class Hooks : public SliceLoopHooks {
         gl_ = &gl;
         resources_ = &resources;
         if (on_.gather) {
-            gather_.emplace(gl, *job.ellipsoids.front().view, *job.ellipsoids.front().traversal);
+            const auto& first = job.ellipsoids.front();
+            const Counting counting = backend_gl::counting_of(*job.plan, *job.scene)[first.field];
+            gather_.emplace(gl, *first.view, *first.traversal, counting);
         }
         if (on_.count_fragments) {
             fragments_.emplace(gl);

@@ -88,11 +88,10 @@ struct Reach {
 };
 
 void refuse(const std::string& found) {
-    throw Unsupported(
-        Complaint{"comparator gather cannot draw the scene", found,
-                  "one field of ellipsoids, whose values are not far from 0, in orthographic view, sampling \"point\", "
-                  "without a filter, packing wide",
-                  "draw such a scene"});
+    throw Unsupported(Complaint{"comparator gather cannot draw the scene", found,
+                                "one field of ellipsoids in orthographic view, sampling \"point\", "
+                                "without a filter, packing wide",
+                                "draw such a scene"});
 }
 
 std::size_t padded(std::size_t texels) {
@@ -183,7 +182,15 @@ ReachGrid ReachGrid::of(const EllipsoidField& field, const std::vector<std::uint
     return grid;
 }
 
-Gather::Gather(const gl::Api& gl, const EllipsoidView& view, const CellTraversal& traversal) {
+namespace {
+
+/// The sheets that the one field is summed in.
+int own_sheets(const DrawPlan& plan) { return plan.own_sheets.empty() ? -1 : plan.own_sheets.front(); }
+bool has_weights(const DrawPlan& plan) { return plan.weight || own_sheets(plan) >= 0; }
+
+} // namespace
+
+Gather::Gather(const gl::Api& gl, const EllipsoidView& view, const CellTraversal& traversal, const Counting& counting) {
     const EllipsoidField& field = view.field();
     const Frame& frame = view.frame();
     if (field.scale_range()[1] > largest_px * frame.pixel || field.scale_range()[0] < smallest_px * frame.pixel) {
@@ -208,7 +215,8 @@ Gather::Gather(const gl::Api& gl, const EllipsoidView& view, const CellTraversal
         const auto middle = std::round((-kernel.center.z - frame.first_depth) / frame.slice_spacing);
         const SectionRecord record =
             view.record(kernels[at], kernel,
-                        static_cast<std::int64_t>(std::clamp(middle, 0.0, static_cast<double>(frame.slices - 1))));
+                        static_cast<std::int64_t>(std::clamp(middle, 0.0, static_cast<double>(frame.slices - 1))),
+                        nullptr, counting);
         const glm::dvec2 u = glm::dvec2(kernel.axis_u.x, -kernel.axis_u.y) / frame.pixel;
         const glm::dvec2 v = glm::dvec2(kernel.axis_v.x, -kernel.axis_v.y) / frame.pixel;
         const glm::dvec2 to_u = u / glm::length(u) / glm::length(u);
@@ -250,7 +258,7 @@ void Gather::splat(backend_gl::Splatting& splatting, std::size_t part, std::int6
     if (touched.empty()) {
         return;
     }
-    splatting.bind_target({-1, scope.plan.weight, true, false}, pass);
+    splatting.bind_target({own_sheets(scope.plan), has_weights(scope.plan), true, false}, pass);
     use(scope, *scope.job.ellipsoids[part].view, splatting.slab_pass(pass));
     // What is written is finished: nothing adds to it.
     scope.gl.Disable(GL_BLEND);
@@ -260,7 +268,7 @@ void Gather::splat(backend_gl::Splatting& splatting, std::size_t part, std::int6
 void Gather::use(const backend_gl::TileScope& scope, const EllipsoidView& view,
                  const backend_gl::SlabPass& pass) const {
     backend_gl::ShaderVariant variant{"rectangle.vert", "gather.frag", {}, {"sheet_front"}};
-    if (scope.plan.weight) {
+    if (has_weights(scope.plan)) {
         variant.defines["WEIGHT"] = "1";
         variant.outputs.emplace_back("weight_front");
     }
@@ -310,8 +318,6 @@ void adjust_for_gather(DrawPlan& plan, const Scene& scene) {
         refuse("differences or derivatives that are splatted");
     } else if (plan.packing == Packing::paper || plan.paper_slicing) {
         refuse("packing paper");
-    } else if (!plan.own_sheets.empty()) {
-        refuse("values far from 0");
     }
     for (std::size_t kernel = 0; kernel < field->size(); ++kernel) {
         const Vec3 axes = field->semi_axes(kernel);

@@ -29,8 +29,8 @@ struct ReachGrid {
 /// Made and destroyed with the context current.
 class Gather {
   public:
-    /// Lists and uploads the kernels of a view.
-    Gather(const gl::Api& gl, const EllipsoidView& view, const CellTraversal& traversal);
+    /// Lists and uploads the kernels of a view. counting: of the field's values.
+    Gather(const gl::Api& gl, const EllipsoidView& view, const CellTraversal& traversal, const Counting& counting);
     /// Writes the finished slabs of a pass wherever active cells lie.
     void splat(backend_gl::Splatting& splatting, std::size_t part, std::int64_t pass) const;
     [[nodiscard]] std::size_t bytes() const { return lists_.bytes() + entries_.bytes() + records_.bytes(); }

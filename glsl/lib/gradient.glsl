@@ -25,7 +25,7 @@ void gradients_at(ivec2 at, float rho[SLABS], vec2 slope, out vec3 gradient[SLAB
 #else
         vec3 change = vec3(beside[c], rho[c + 1] - rho[c - 1]);
 #ifdef QUOTIENTS
-        change = vec3(above_rounding(change.x, rho[c]), above_rounding(change.y, rho[c]), above_rounding(change.z, rho[c]));
+        change = above_rounding(change, rho[c]);
 #endif
 #endif
 #ifdef PERSPECTIVE

@@ -128,10 +128,11 @@ void slopes_at(ivec2 at, float rho[SLABS], out vec3 change[SLABS]) {
         change[c] = vec3(beside[c], rho[c + 1] - rho[c - 1]);
 #endif
 #ifdef THRESHOLD
-#ifndef FINE_XY
-        change[c].xy = vec2(above_rounding(change[c].x, rho[c]), above_rounding(change[c].y, rho[c]));
-#endif
+#ifdef FINE_XY
         change[c].z = above_rounding(change[c].z, rho[c]);
+#else
+        change[c] = above_rounding(change[c], rho[c]);
+#endif
 #endif
 #ifdef FINE_Z
         // At both ends of the stack one of the two neighbours is 0, and their difference exact.

@@ -68,7 +68,7 @@ double noise_of_derivatives(const ViewFacts& view, const SumFacts& sums, double 
 }
 
 /// The range that scenes of this steepness and magnification are held to.
-double limit_of(const WeightRange& range, const ViewFacts& view, const SumFacts& facts) {
+double limit_of(const BySteepness& range, const ViewFacts& view, const SumFacts& facts) {
     const bool gentle =
         facts.steepness <= gentle_steepness && view.frame.reference_length <= gentle_pixels * view.frame.smallest_pixel;
     return gentle ? range.gentle : range.steep;
@@ -81,8 +81,10 @@ bool lights_rounding(const Scene& scene, const DrawPlan& plan) {
         return false;
     }
     for (const Group& group : groups_drawn(scene)) {
-        const bool one_value = group.transfer_function->v_min() == group.transfer_function->v_max();
-        for (std::size_t number = group.first; one_value && number < group.last; ++number) {
+        if (!has_window_of_one_value(group)) {
+            continue;
+        }
+        for (std::size_t number = group.first; number < group.last; ++number) {
             const Field& field = *scene.fields[number];
             const std::array<double, 2> values = field.value_range();
             const bool exact = group.last - group.first == 1 && values[0] == values[1];
@@ -94,6 +96,30 @@ bool lights_rounding(const Scene& scene, const DrawPlan& plan) {
     return false;
 }
 
+/// Under a transfer function that is narrow beside the values, what is rounded of quotients is lit wherever these
+/// hardly change. ratio: of values, as they are counted, over the width of the transfer function.
+void check_plateaus(const ViewFacts& view, const DrawPlan& plan, const SumFacts& facts, double ratio) {
+    if (plan.mode != Mode::composite || view.kernels.all == 0 || view.frame.slices == 0 ||
+        facts.ratio <= narrow_window) {
+        return;
+    }
+    const bool by_kernels = plan.analytic_gradient || plan.fine_gradient;
+    const double length = by_kernels ? view.screen_px.smallest * view.frame.smallest_pixel : view.frame.smallest_step();
+    const double noise = ratio * std::max(1.0, view.frame.reference_length / length);
+    const double most =
+        limit_of(by_kernels ? noise_of_plateaus_by_kernels : noise_of_plateaus_by_differences, view, facts);
+    if (noise > most) {
+        refuse_sheets("quotients of sums that are lit where values of " + number(ratio) +
+                          " times the range of the transfer function from their middle, times reference lengths over " +
+                          (by_kernels ? "semi-axes" : "pixels or slice spacings") + ", are " + number(noise),
+                      "at most " + number(most) + " where values reach more than " + number(narrow_window) +
+                          " times that range",
+                      "use a wider transfer function, a smaller " + option_ref("reference_length") +
+                          ", leave out the lights, or use " + option_ref("backend", "cpu"),
+                      "transfer_function");
+    }
+}
+
 /// What float32 loses of gradients of quotients that are near their kernels' ends, or far magnified. ratio: of values
 /// over what is resolved.
 void check_quotients(const ViewFacts& view, const DrawPlan& plan, const SumFacts& facts, double ratio) {
@@ -101,7 +127,7 @@ void check_quotients(const ViewFacts& view, const DrawPlan& plan, const SumFacts
         return;
     }
     const double ell = view.frame.reference_length;
-    const auto most_of = [&](const WeightRange& range) { return limit_of(range, view, facts) / std::max(1.0, ratio); };
+    const auto most_of = [&](const BySteepness& range) { return limit_of(range, view, facts) / std::max(1.0, ratio); };
     const bool isosurface = plan.mode == Mode::isosurface;
     const double axis = view.screen_px.smallest * view.frame.smallest_pixel;
     double most = most_of(plan.analytic_gradient ? widest_derivatives
@@ -340,6 +366,7 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
             "move its points apart, leave out the lights, or use " + option_ref("backend", "cpu"), "transfer_function");
     }
     if (lit_quotient) {
+        check_plateaus(view, plan, facts, lit_ratio);
         check_quotients(view, plan, facts, lit_ratio);
     }
     check_crowds(view, plan, lit_quotient, ratio);
@@ -352,6 +379,14 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                       "slabs of at most " + number(thick_slab) + " times the half-depth of ellipsoids that show",
                       "use a smaller " + option_ref("slice_spacing") + ", " + option_ref("filter", "ewa") + " or " +
                           option_ref("backend", "reference"));
+    }
+    if (plan.sampling == Sampling::slab && is_scalar(plan.mode) && !plan.filter &&
+        std::min(view.frame.largest_slant, view.slabs.thickest) > longest_in_slab) {
+        refuse_sheets("rays that go through a slab on up to " + number(view.frame.largest_slant) +
+                          " times its thickness",
+                      "at most " + number(longest_in_slab) + " times",
+                      "use a smaller " + option_ref("fov_y") + ", leave out " + option_ref("sampling", "slab") +
+                          " or use " + option_ref("backend", "cpu"));
     }
     const double most_in_slabs = limit_of(widest_weights_in_slabs, view, facts);
     if (weights_in_slabs(plan.sampling, facts) * crowd > most_in_slabs) {

@@ -26,7 +26,7 @@ void divide_apart(const Scene& scene, const Outputs& outputs, Effects& effects, 
         plan.threshold = false;
         plan.weight = outputs.coverage || plan.empty_test || counts_weighted_slices(scene.mode);
     }
-    effects.state(EffectId::separate_normalization, !plan.own_sheets.empty(),
+    effects.state(EffectId::separate_normalization, scene.fields.size() > 1 && !plan.own_sheets.empty(),
                   "fields are divided by their own weight sums before they are added",
                   "at most one division is needed for the whole scene");
 }

@@ -198,11 +198,13 @@ std::vector<Group> groups_drawn(const Scene& scene) {
                                  : scene.groups();
 }
 
+bool has_window_of_one_value(const Group& group) {
+    return group.transfer_function->v_min() == group.transfer_function->v_max();
+}
+
 bool has_window_of_one_value(const Scene& scene) {
     const std::vector<Group> groups = groups_drawn(scene);
-    return std::any_of(groups.begin(), groups.end(), [](const Group& group) {
-        return group.transfer_function->v_min() == group.transfer_function->v_max();
-    });
+    return std::any_of(groups.begin(), groups.end(), [](const Group& group) { return has_window_of_one_value(group); });
 }
 
 std::size_t group_drawn_of(const Scene& scene, std::size_t field) {

@@ -83,8 +83,8 @@ class _References(GuardedParser):
     def _end(self, name: str) -> None:
         super()._end(name)
         if self._texts is not None:
-            file, _, name = "".join(self._texts).strip().partition(":")
-            self.datasets.setdefault(file, set()).add(name)
+            file, _, dataset = "".join(self._texts).strip().partition(":")
+            self.datasets.setdefault(file, set()).add(dataset)
             self._texts = None
 
 

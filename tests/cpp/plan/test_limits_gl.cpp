@@ -63,6 +63,11 @@ void set_weight_range(Case& one, double range) {
 void set_window(Case& one, double width) {
     one.scene.transfer_function = TransferFunction({{0.0, {1, 1, 1}, 0.0}, {width, {1, 1, 1}, 0.001}});
 }
+/// Opacity rises 20 times as steeply as over the whole width.
+void set_steep_window(Case& one, double width) {
+    one.scene.transfer_function =
+        TransferFunction({{0.0, {1, 1, 1}, 0.0}, {0.05 * width, {1, 1, 1}, 0.999}, {width, {1, 1, 1}, 0.999}});
+}
 
 const std::vector<Limit> of_gl{
     {"lights", 64, 65, [](Case& c, double x) { c.scene.lights.resize(static_cast<std::size_t>(x)); }},
@@ -165,13 +170,13 @@ const std::vector<Limit> of_gl{
          c.view.overlap.alike = x;
      }},
     {"densest_lit", 1.98e5, 2.02e5, [](Case& c, double x) { c.view.overlap.densest = x; }},
+    // Surfaces at the middle of values that differ by 0.2, which [NM06] counts from 0.
     {"lit_ratio", 39.5, 40.5,
      [](Case& c, double x) {
-         EllipsoidArrays arrays;
-         arrays.centers = {Vec3(0.0), Vec3(1.0, 0.0, 0.0)};
-         arrays.radii = {1.0, 1.0};
-         arrays.values = {-x, x};
-         c.scene.fields = {std::make_shared<EllipsoidField>(std::move(arrays))};
+         c.options.effects = {{"paper_slicing", true}};
+         c.scene.mode = Mode::isosurface;
+         c.scene.fields = {ellipsoids(1.0, 1.0, 1.0, 5.0, 0.2 * x - 0.7)};
+         c.scene.iso_values = {0.2 * x - 0.1};
      }},
     {"full_gradient", 2.02e-4, 1.98e-4,
      [](Case& c, double x) {
@@ -214,6 +219,32 @@ const std::vector<Limit> of_gl{
          make_quotients(c);
          make_analytic(c);
          c.view.screen_px.smallest = 0.5 * std::sqrt(33.5) / x;
+     }},
+    // Values of 0.5 and 0.7, from 0.6.
+    {"noise_of_plateaus_by_differences", 0.1 / 3.96, 0.1 / 4.04, set_window},
+    // Values of up to 0.7, counted from 0.6.
+    {"narrow_window", 0.7 / 7.9, 0.7 / 8.1,
+     [](Case& c, double x) {
+         make_close(c, 7.0);
+         set_window(c, x);
+     }},
+    {"noise_of_plateaus_near", 0.1 / 1.98, 0.1 / 2.02,
+     [](Case& c, double x) {
+         make_close(c, 2.0);
+         set_window(c, x);
+     }},
+    {"noise_of_plateaus_by_kernels", 0.1 / 1.98, 0.1 / 2.02,
+     [](Case& c, double x) {
+         make_analytic(c);
+         c.scene.fields = {ellipsoids()};
+         set_window(c, x);
+     }},
+    {"noise_of_plateaus_by_differences_steep", 0.1 / 19.8, 0.1 / 20.2, set_steep_window},
+    {"noise_of_plateaus_by_kernels_steep", 0.1 / 9.9, 0.1 / 10.1,
+     [](Case& c, double x) {
+         make_close(c, 10.0);
+         c.view.screen_px.smallest = 10.0;
+         set_steep_window(c, x);
      }},
     {"derived_aspect", 63, 65,
      [](Case& c, double x) {
@@ -317,6 +348,21 @@ const std::vector<Limit> of_gl{
          c.scene.sampling = Sampling::slab;
          c.view.overlap.densest = 20.0;
      }},
+    {"sideways", 99, 101,
+     [](Case& c, double x) {
+         c.scene.mode = Mode::xray;
+         c.scene.sampling = Sampling::slab;
+         c.projection = Projection::perspective;
+         c.view.frame.largest_slant = c.view.slabs.thickest = x;
+     }},
+    {"sideways_through_kernels", 99, 101,
+     [](Case& c, double x) {
+         c.scene.mode = Mode::xray;
+         c.scene.sampling = Sampling::slab;
+         c.projection = Projection::perspective;
+         c.view.frame.largest_slant = 1000.0;
+         c.view.slabs.thickest = x;
+     }},
     {"place", 3.88e-3, 3.8e-3, [](Case& c, double x) { c.view.screen_px.largest_lattice = x; }},
     {"splat_px", 0.99e12, 1.01e12, [](Case& c, double x) { c.view.screen_px.largest_lattice = x; }},
     {"ellipsoid_px", 0.99e12, 1.01e12, [](Case& c, double x) { c.view.screen_px.largest_ellipsoid_at_unit = x; }},
@@ -395,35 +441,15 @@ TEST(GlChooses, SeparableUpTo) {
     EXPECT_FALSE(one.plan(Backend::gl).separable);
 }
 
-TEST(GlChooses, CountsFromTheMiddleFrom) {
-    for (const auto& [ratio, apart] : {std::pair{1.95, false}, std::pair{2.05, true}}) {
-        Case one = ellipsoid_case();
-        one.scene.fields = {ellipsoids(1.0, 1.0, 1.0, 5.0, ratio - 0.7)};
-        one.scene.transfer_function = ramp(0.01, 0.01, ratio - 0.7);
-        EXPECT_EQ(!one.plan(Backend::gl).own_sheets.empty(), apart) << ratio;
-    }
-}
-
-TEST(GlChooses, CountsFromTheMiddleWhereValuesAreAlike) {
-    const auto is_apart = [](double change, double crowd) {
-        EllipsoidArrays arrays;
-        arrays.centers = {Vec3(0.0), Vec3(1.0, 0.0, 0.0)};
-        arrays.scales = {Vec3(1.0, 0.5, 2.0), Vec3(1.0, 0.5, 2.0)};
-        arrays.values = {1.0 - 2.0 / change, 1.0};
-        EllipsoidFieldOptions options;
-        options.normalization = Normalization::threshold;
-        Case one = ellipsoid_case();
-        one.scene.fields = {std::make_shared<EllipsoidField>(std::move(arrays), options)};
-        one.view.overlap.densest = one.view.overlap.typical = crowd;
-        return !one.plan(Backend::gl).own_sheets.empty();
-    };
-    for (const double crowd : {1.0, 10.0}) {
-        EXPECT_FALSE(is_apart(31.0, crowd));
-        EXPECT_TRUE(is_apart(33.0, crowd));
-    }
-    // Of one value.
-    EXPECT_FALSE(is_apart(1e300, 1.0));
-    EXPECT_TRUE(is_apart(1e300, 10.0));
+TEST(GlChooses, CountsLitQuotientsFromTheMiddle) {
+    Case one = ellipsoid_case();
+    EXPECT_FALSE(one.plan(Backend::gl).own_sheets.empty());
+    // Splatted differences are counted so in common sheets.
+    make_close(one, 10.0);
+    EXPECT_TRUE(one.plan(Backend::gl).own_sheets.empty());
+    one = ellipsoid_case();
+    make_unlit(one);
+    EXPECT_TRUE(one.plan(Backend::gl).own_sheets.empty());
 }
 
 TEST(GlChooses, EliminationInSoftwareWhereOpaqueWithinSixteenSlices) {

@@ -86,13 +86,14 @@ constexpr double densest_lit = 2e5;
 
 // ---- gradients of quotients (tests: GlRefuses.Beyond/<name>)
 
-/// Values over the window beyond which quotients that are lit are counted from the middle of the values: at 4.3
-/// seen at 2.4e-5 (RMSE), at 31 at 4e-4 (P99.9), and then at 2e-5. Test: GlChooses.CountsFromTheMiddleFrom.
-constexpr double largest_plain_lit_ratio = 2.0;
-/// Values over the largest difference from their middle beyond which they are counted from it too: what is lit where
-/// they hardly change is rounding. Where all are one, from so many at a point on: 60 kernels at 1.1 windows seen
-/// at 2.1e-5 (RMSE), 2e-5 allowed. Test: GlChooses.CountsFromTheMiddleWhereValuesAreAlike.
-constexpr double plain_lit_change = 32.0, plain_lit_crowd = 4.0;
+/// A limit of gentle scenes, which have the smaller error bound, and one of all others.
+struct BySteepness {
+    double gentle, steep;
+};
+/// A scene is gentle up to this steepness of opacity and colours (over the window, a slice) and so many pixels to a
+/// reference length.
+constexpr double gentle_steepness = 10.0, gentle_pixels = 100.0;
+
 /// gradient_opacity, in windows per reference length, where quotients are divided: where the kernels that overlap have
 /// one value their gradient is rounding alone. At 1e-4 seen at 7e-4 (P99.9).
 constexpr double least_full_gradient = 2e-4;
@@ -101,28 +102,32 @@ constexpr double least_full_gradient = 2e-4;
 /// (P99.9), others to 1e-3. Seen were, of differences 1e-4 at 30, 3e-4 at 200, 9e-4 at 1,000 and 4e-3 at 10,000; of
 /// derivatives 1e-4 at 10, 2e-4 at 100, 8e-4 at 10,000 and 5e-3 at 1e6; of differences at isosurfaces 3e-5 at 10,000,
 /// 3e-4 at 300,000 and 3e-3 at 1e6. Plain differences of neighbouring quotients keep their bound throughout.
-struct WeightRange {
-    double gentle, steep;
-};
-constexpr WeightRange widest_differences{50.0, 700.0};
-constexpr WeightRange widest_derivatives{100.0, 1e4};
-constexpr WeightRange widest_isosurface{3e4, 1e5};
+constexpr BySteepness widest_differences{50.0, 700.0};
+constexpr BySteepness widest_derivatives{100.0, 1e4};
+constexpr BySteepness widest_isosurface{3e4, 1e5};
 /// ... times the square of this many reference lengths over what quotients change over: 1e-3 was seen at 280 with a
 /// range of 10,000, 2e-3 at 2,880 with one of 100.
 constexpr double magnified_isosurface = 100.0, widest_magnified_isosurface = 3e4;
 /// Derivatives at isosurfaces in the shells where kernels end, beyond this: seen was 3e-5 times the root of the range
 /// and the reference length over the smallest semi-axis; 2.3e-4 (P99.9) at a range of 17 and 1.6 of the latter.
 constexpr double widest_isosurface_of_derivatives = 10.0;
-constexpr WeightRange widest_by_semi_axis{40.0, 1000.0};
+constexpr BySteepness widest_by_semi_axis{40.0, 1000.0};
 /// Derivatives of quotients where values hardly change around a point (noise_of_derivatives): seen at 2.5e-5 (RMSE) at
 /// 38 and at 7.5e-5 at 200.
 constexpr double largest_noise_of_derivatives = 35.0;
+/// Values over the width of a transfer function from which on it is narrow: what is rounded of values far beyond it is
+/// lit where they hardly change, and where their kernels end. At 9.7 seen at 5e-4 (P99.9); up to there never.
+constexpr double narrow_window = 8.0;
+/// Values from their middle over the width of a narrow transfer function, times the reference length over a pixel or
+/// slice spacing where quotients are lit by plain differences: seen at 2.3e-5 (RMSE) at 5.2 and at 8.5e-4 (P99.9)
+/// at 10.5. ...
+constexpr BySteepness noise_of_plateaus_by_differences{4.0, 20.0};
+/// ... over the smallest semi-axis where they are lit by splatted differences or derivatives: at 2.9e-5 (RMSE) at 2.4,
+/// at 8e-5 at 4.
+constexpr BySteepness noise_of_plateaus_by_kernels{2.0, 10.0};
 /// Longest over shortest semi-axis of kernels whose derivatives are divided: W grad D and D grad W cancel across flat
 /// ones. At 66 seen at 7.5e-5 (RMSE), at 250 at 1.6e-4, at 700 at 2e-4 (P99.9 4.5e-3).
 constexpr double largest_derived_aspect = 64.0;
-/// A scene is gentle up to this steepness of opacity and colours (over the window, a slice) and so many pixels to a
-/// reference length.
-constexpr double gentle_steepness = 10.0, gentle_pixels = 100.0;
 /// Reference lengths over what sums of quotients change over, where they are lit by splatted differences, times the
 /// root of the kernels at a point: of 1,000 kernels seen at 3e-4 (P99.9) at 288, at 3.5e-3 at 2,880; of 7 at 4e-9 at
 /// 3,300.
@@ -139,7 +144,10 @@ constexpr double largest_separable_px = 1e6;
 /// weights_in_slabs times kernels at a point: of an average seen at 7e-5 (RMSE) at 7.7e5, 1e-4 at 6e6 and 3e-4 at 9e7;
 /// of a lit picture at 7e-4 (P99.9) at 7e5, of a plain one at 2.4e-5 (RMSE) at 1.9e5. Gentle scenes are held to 2e-5,
 /// others to 1e-4. Test: GlRefuses.Beyond/weights_in_slabs.
-constexpr WeightRange widest_weights_in_slabs{1.5e5, 3e5};
+constexpr BySteepness widest_weights_in_slabs{1.5e5, 3e5};
+/// A ray's way through a slab over its thickness, in scalar modes, where that is as many times the half-depth of a
+/// kernel: of x-rays seen at 6e-5 (RMSE, of the largest value) at 97, 2.7e-4 at 584. Test: GlRefuses.Beyond/sideways.
+constexpr double longest_in_slab = 100.0;
 /// Share of a kernel's radius that its place on the screen may be off. Test: GlRefuses.Beyond/place.
 constexpr double largest_place_error = 1e-3;
 

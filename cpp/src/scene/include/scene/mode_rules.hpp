@@ -51,6 +51,7 @@ std::size_t group_drawn_of(const Scene& scene, std::size_t field);
 
 /// A transfer function has one value: gradients below a share of the window are shaded as weaker ones (conventions,
 /// section 5), and there none is.
+bool has_window_of_one_value(const Group& group);
 bool has_window_of_one_value(const Scene& scene);
 
 /// What a scalar mode shows of a sheet's 1. value_unit: the amount of rho that sheets call 1; slice_spacing: world

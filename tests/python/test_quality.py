@@ -415,3 +415,13 @@ def test_pictures_and_scenes_keep_it_in_pickles(smooth):
     with pytest.raises(KeyError):
         image.plan.quality.of("cmap")
     assert image.plan.quality.of("prefilter").value is True
+
+
+@pytest.mark.parametrize("values", [1e-250, 1e250])
+@pytest.mark.parametrize("length", [1e-90, 1e90])
+def test_values_and_lengths_of_any_size(smooth, values, length):
+    """Gradients beyond float64, too, of which the estimate that slices are chosen by has no direction."""
+    field = ss.RegularField(smooth.astype(np.float64) * values, spacing=(length,) * 3)
+    drawn = ss.render(field, **SMALL).pixels
+    usual = ss.render(ss.RegularField(smooth.astype(np.float64)), **SMALL).pixels
+    assert np.sqrt(np.mean(np.square(drawn - usual))) < 0.02

@@ -185,7 +185,7 @@ class Field(ABC):
         tuple
             Scalars, shape (M,), and their derivatives along x, y, z, shape (M, 3), scalar per world unit; both are 0
             where no kernel reaches. With normalisation "threshold" the gradient jumps where W is w0; the side of the
-            larger W holds there.
+            larger W holds there. Derivatives beyond float64 are not finite.
 
         Raises
         ------

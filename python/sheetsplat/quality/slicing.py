@@ -181,13 +181,28 @@ def _lit(
     lengths = np.linalg.norm(rays.along, axis=1)
     values = scene.transfer_function.points[:, 0]
     weak = 1e-3 * float(values[-1] - values[0]) / scene.reference_length
-    normals = -gradients / np.maximum(np.linalg.norm(gradients, axis=1), weak or 1.0)[:, None]
+    normals = _normals(gradients, weak or 1.0)
     views = -(rays.along / lengths[:, None])[ray]
     shaded = _phong(scene, camera, scene.transfer_function.at(scalars)[:, :3], normals, views)
     colors, thickness = np.zeros((*picked.shape, 3)), np.zeros(picked.shape)
     colors[picked] = shaded
     thickness[picked] = _optical_depths(scene, scalars, step) * lengths[ray]
     return colors, thickness
+
+
+def _normals(gradients: Floats, weak: float) -> Floats:
+    """Return normals, (M, 3), shorter than 1 where gradients are weaker than `weak`. Conventions, section 5.
+
+    Values and lengths of any size are estimated: where gradients leave float64 there is ambient light alone.
+    """
+    known = np.where(np.isfinite(gradients).all(axis=1, keepdims=True), gradients, 0.0)
+    # Squares of components would leave float64 earlier than these.
+    largest = np.abs(known).max(axis=1, keepdims=True)
+    known = known / np.where(largest > 0.0, largest, 1.0)
+    lengths = np.linalg.norm(known, axis=1, keepdims=True)
+    with np.errstate(over="ignore"):
+        strength = np.minimum(lengths * (largest / weak), 1.0)
+    return np.asarray(-known / np.where(lengths > 0.0, lengths, 1.0) * strength)
 
 
 def _phong(scene: Scene, camera: Camera, colors: Floats, normals: Floats, views: Floats) -> Floats:

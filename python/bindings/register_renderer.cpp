@@ -261,7 +261,7 @@ class LockedRenderer {
             throw Unsupported(Complaint{"Renderer: this renderer cannot be used here",
                                         "a process that was forked while another thread drew with it",
                                         "a process that is forked between pictures",
-                                        "make a new Renderer after the fork, or start processes by spawn"});
+                                        "start processes by spawn, or draw in the child with a new Renderer of backend \"cpu\""});
         }
         if (holder == std::this_thread::get_id()) {
             throw Unsupported(Complaint{"Renderer: another picture cannot be started",

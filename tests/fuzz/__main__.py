@@ -140,9 +140,13 @@ class Attack:
         return name
 
 
-def _again(path: Path) -> int:
+def _again(path: Path, parser: argparse.ArgumentParser) -> int:
     """Judge a kept failure."""
-    found = cases.load(path)
+    try:
+        found = cases.load(path)
+        found["case"], PARTS[found["part"]]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        parser.error(f"--again: {path} is no file of a failure: {type(error).__name__}: {error}")
     with Judge(PARTS[found["part"]](), "", threading.Event()) as judge:
         outcome = judge(found["case"])
     print(" ".join(filter(None, (outcome.verdict, outcome.what))))
@@ -155,7 +159,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = _parser()
     given = parser.parse_args(arguments)
     if given.again is not None:
-        return _again(given.again)
+        return _again(given.again, parser)
+    if not given.minutes > 0:
+        parser.error(f"--minutes: {given.minutes}: wanted more than 0")
+    if strange := set(given.kinds) - set(SpoiledFiles().kinds):
+        parser.error(f"--kind: {', '.join(sorted(strange))}: --list names the kinds of files")
     names = given.parts or list(PARTS)
     if strange := set(names) - set(PARTS):
         parser.error(f"PART: {', '.join(strange)}: wanted any of {', '.join(PARTS)}")

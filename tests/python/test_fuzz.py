@@ -310,6 +310,13 @@ def test_kept_failures_name_no_folder(path: Path) -> None:
     assert not [line for line in cases.load(path)["text"] if 'File "/' in line]
 
 
+@pytest.mark.parametrize("words", [["--kind", "foo"], ["foo"], ["--minutes", "-1"], ["--again", "no.json"]])
+def test_words_that_the_command_does_not_know(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(words)
+    assert words[-1] in capsys.readouterr().err
+
+
 def test_the_command_judges_a_kept_failure_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     part = SpoiledFiles(["csv"])
     part.prepare(tmp_path)

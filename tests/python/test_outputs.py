@@ -49,15 +49,16 @@ def test_reports_that_cannot_be_written_are_an_error(arguments: list[str]) -> No
     assert "Traceback" not in done.stderr
 
 
-def test_a_terminated_command_leaves_no_file() -> None:
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_terminated_command_leaves_no_file(number: signal.Signals) -> None:
     command = [*COMMAND, "--size", "900", "--slice-spacing", "0.001", "--mode", "isosurface"]
     with subprocess.Popen(command, stderr=subprocess.PIPE) as process:
         assert process.stderr is not None
         process.stderr.readline()  # what surface is shown: said right before drawing begins
         time.sleep(0.3)
-        process.send_signal(signal.SIGTERM)
+        process.send_signal(number)
         process.wait(timeout=60)
-    assert process.returncode == 128 + signal.SIGTERM
+    assert process.returncode == 128 + number
     assert os.listdir() == ["v.npy"]
 
 

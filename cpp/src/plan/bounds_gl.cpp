@@ -109,13 +109,14 @@ void check_plateaus(const ViewFacts& view, const DrawPlan& plan, const SumFacts&
     const double most =
         limit_of(by_kernels ? noise_of_plateaus_by_kernels : noise_of_plateaus_by_differences, view, facts);
     if (noise > most) {
-        refuse_sheets("quotients of sums that are lit where values of " + number(ratio) +
-                          " times the range of the transfer function from their middle, times reference lengths over " +
-                          (by_kernels ? "semi-axes" : "pixels or slice spacings") + ", are " + number(noise),
-                      "at most " + number(most) + " where values reach more than " + number(narrow_window) +
-                          " times that range",
-                      "use a wider transfer function, a smaller " + option_ref("reference_length") +
-                          ", leave out the lights, or use " + option_ref("backend", "cpu"),
+        // A little more than the limit, so that the number as it is printed is enough.
+        const double width = 1.001 * facts.largest / narrow_window;
+        refuse_sheets("lit quotients of sums of values of up to " + number(facts.largest) +
+                          " under a transfer function of a width of " + number(facts.resolved) +
+                          ": where they hardly change their rounding would be lit",
+                      "a width of at least " + number(width),
+                      "use a wider transfer function or " + option_ref("clim") + ", leave out the lights, or use " +
+                          option_ref("backend", "cpu"),
                       "transfer_function");
     }
 }
@@ -333,7 +334,9 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
         refuse_sheets("values up to " + number(largest) + " where " + number(resolved) + " is resolved",
                       "values of at most " + number(too_far ? std::min(largest_lit_ratio, most_times) : most_times) +
                           " times that",
-                      "subtract an offset from the values, use " + option_ref("backend", "reference"));
+                      "use a wider transfer function or " + option_ref("clim") +
+                          ", subtract an offset from values that are all far from 0, use " +
+                          option_ref("backend", "cpu"));
     }
     if (plan.gradient_opacity) {
         const double nearest = view.frame.smallest_step();
@@ -385,8 +388,9 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
         refuse_sheets("rays that go through a slab on up to " + number(view.frame.largest_slant) +
                           " times its thickness",
                       "at most " + number(longest_in_slab) + " times",
-                      "use a smaller " + option_ref("fov_y") + ", leave out " + option_ref("sampling", "slab") +
-                          " or use " + option_ref("backend", "cpu"));
+                      "use a smaller " + option_ref("fov_y") + " or a narrower picture, leave out " +
+                          option_ref("sampling", "slab") + " or use " + option_ref("backend", "cpu"),
+                      "fov_y");
     }
     const double most_in_slabs = limit_of(widest_weights_in_slabs, view, facts);
     if (weights_in_slabs(plan.sampling, facts) * crowd > most_in_slabs) {

@@ -258,10 +258,11 @@ class LockedRenderer {
             return;
         }
         if (held_after_forks_ != Released::forks()) {
-            throw Unsupported(Complaint{"Renderer: this renderer cannot be used here",
-                                        "a process that was forked while another thread drew with it",
-                                        "a process that is forked between pictures",
-                                        "start processes by spawn, or draw in the child with a new Renderer of backend \"cpu\""});
+            throw Unsupported(
+                Complaint{"Renderer: this renderer cannot be used here",
+                          "a process that was forked while another thread drew with it",
+                          "a process that is forked between pictures",
+                          "start processes by spawn, or draw in the child with a new Renderer of backend \"cpu\""});
         }
         if (holder == std::this_thread::get_id()) {
             throw Unsupported(Complaint{"Renderer: another picture cannot be started",

@@ -238,15 +238,11 @@ def random_parts(seed: int) -> Parts:
     return parts
 
 
-# Values of 26 times the width of the transfer function, which OpenGL refuses, as some others: lit quotients of weights
-# that differ much, close-ups.
-NARROW = 69
-
-
+# (OpenGL refuses some others: lit quotients of weights that differ much, close-ups.)
 @pytest.mark.parametrize(
     ("seed", "backend"),
     [(seed, "cpu") for seed in range(60, 120)]
-    + [pytest.param(seed, "gl", marks=pytest.mark.gl) for seed in range(61, 120, 4) if seed != NARROW],
+    + [pytest.param(seed, "gl", marks=pytest.mark.gl) for seed in range(61, 120, 4)],
 )
 def test_random_groups(seed: int, backend: str) -> None:
     parts = random_parts(seed)

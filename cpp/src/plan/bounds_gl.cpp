@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <vector>
 
 #include "plan/limits_gl.hpp"
 #include "plan/pivot.hpp"
@@ -96,9 +97,40 @@ bool lights_rounding(const Scene& scene, const DrawPlan& plan) {
     return false;
 }
 
+/// Whether values of a field are so often those of others that it has plateaus: of a lattice those of neighbours, of
+/// scattered kernels any. Looks at a few thousand.
+bool has_plateaus(const Field& field) {
+    constexpr std::size_t most = 4096;
+    const std::size_t step = std::max<std::size_t>(1, field.size() / most);
+    std::size_t equal = 0, compared = 0;
+    if (const RegularField* lattice = as_regular(&field)) {
+        const auto& [nk, nj, ni] = lattice->shape();
+        for (std::size_t at = 0; at < nk * nj * ni; at += step) {
+            const std::size_t i = at % ni, j = at / ni % nj, k = at / ni / nj;
+            if (i + 1 < ni) {
+                ++compared;
+                equal += lattice->value(i, j, k) == lattice->value(i + 1, j, k) ? 1 : 0;
+            }
+        }
+    }
+    if (const EllipsoidField* ellipsoids = as_ellipsoids(&field)) {
+        std::vector<double> values;
+        for (std::size_t kernel = 0; kernel < field.size(); kernel += step) {
+            values.push_back(ellipsoids->value(kernel));
+        }
+        std::sort(values.begin(), values.end());
+        for (std::size_t kernel = 1; kernel < values.size(); ++kernel) {
+            ++compared;
+            equal += values[kernel - 1] == values[kernel] ? 1 : 0;
+        }
+    }
+    return static_cast<double>(equal) > least_repeated * static_cast<double>(compared);
+}
+
 /// Under a transfer function that is narrow beside the values, what is rounded of quotients is lit wherever these
 /// hardly change. ratio: of values, as they are counted, over the width of the transfer function.
-void check_plateaus(const ViewFacts& view, const DrawPlan& plan, const SumFacts& facts, double ratio) {
+void check_plateaus(const Scene& scene, const ViewFacts& view, const DrawPlan& plan, const SumFacts& facts,
+                    double ratio) {
     if (plan.mode != Mode::composite || view.kernels.all == 0 || view.frame.slices == 0 ||
         facts.ratio <= narrow_window) {
         return;
@@ -108,12 +140,16 @@ void check_plateaus(const ViewFacts& view, const DrawPlan& plan, const SumFacts&
     const double noise = ratio * std::max(1.0, view.frame.reference_length / length);
     const double most =
         limit_of(by_kernels ? noise_of_plateaus_by_kernels : noise_of_plateaus_by_differences, view, facts);
-    if (noise > most) {
+    const auto is_lit = [&](const auto& field) {
+        return field->normalization() == Normalization::threshold &&
+               (noise > noise_of_any_values || has_plateaus(*field));
+    };
+    if (noise > most && std::any_of(scene.fields.begin(), scene.fields.end(), is_lit)) {
         // A little more than the limit, so that the number as it is printed is enough.
         const double width = 1.001 * facts.largest / narrow_window;
         refuse_sheets("lit quotients of sums of values of up to " + number(facts.largest) +
                           " under a transfer function of a width of " + number(facts.resolved) +
-                          ": where they hardly change their rounding would be lit",
+                          ": where they hardly change, as where many are equal, their rounding would be lit",
                       "a width of at least " + number(width),
                       "use a wider transfer function or " + option_ref("clim") + ", leave out the lights, or use " +
                           option_ref("backend", "cpu"),
@@ -369,7 +405,7 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
             "move its points apart, leave out the lights, or use " + option_ref("backend", "cpu"), "transfer_function");
     }
     if (lit_quotient) {
-        check_plateaus(view, plan, facts, lit_ratio);
+        check_plateaus(scene, view, plan, facts, lit_ratio);
         check_quotients(view, plan, facts, lit_ratio);
     }
     check_crowds(view, plan, lit_quotient, ratio);
@@ -385,8 +421,8 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
     }
     if (plan.sampling == Sampling::slab && is_scalar(plan.mode) && !plan.filter &&
         std::min(view.frame.largest_slant, view.slabs.thickest) > longest_in_slab) {
-        refuse_sheets("rays that go through a slab on up to " + number(view.frame.largest_slant) +
-                          " times its thickness",
+        refuse_sheets("rays that go through a slab on up to " +
+                          number(std::min(view.frame.largest_slant, view.slabs.thickest)) + " times its thickness",
                       "at most " + number(longest_in_slab) + " times",
                       "use a smaller " + option_ref("fov_y") + " or a narrower picture, leave out " +
                           option_ref("sampling", "slab") + " or use " + option_ref("backend", "cpu"),

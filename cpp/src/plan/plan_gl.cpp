@@ -38,14 +38,22 @@ const char* why_tagged(Tagging tagging) {
 }
 
 /// Which fields have sheets of their own, and how slabs are packed into channels.
-void plan_sheets(const Scene& scene, const RendererOptions& options, const Outputs& outputs,
+void plan_sheets(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
                  const Capabilities& capabilities, Effects& effects, DrawPlan& plan) {
     const bool groups = groups_drawn(scene).size() > 1;
-    // In sheets of their own, quotients and their derivatives are taken before slabs are shaded, and values are counted
-    // from their middle: what is lit of plateaus is less rounding. Shading divides by one w0 at most.
-    const bool lit_quotients =
-        lights_quotients(plan) && !plan.fine_gradient && !effects.forced_on(EffectId::paper_slicing);
-    divide_apart(scene, outputs, effects, plan, plan.analytic_gradient || lit_quotients || groups);
+    // In sheets of their own, quotients and their derivatives are taken before slabs are shaded, and values far from 0,
+    // over the window or over what they differ by, are counted from their middle, which keeps the digits that
+    // differences need: but where sums come to less than that, as of weights far below w0. Shading divides by one w0 at
+    // most.
+    const auto is_far_off = [&](const SumFacts& sums) {
+        const double differing = ratio_from_pivots(scene, plan, sums.resolved);
+        const bool alike =
+            sums.ratio > plain_lit_change * differing && (sums.crowd > plain_lit_crowd || differing > 0.0);
+        return (sums.ratio > largest_plain_lit_ratio && sums.ratio >= differing) || alike;
+    };
+    const bool far_off = lights_quotients(plan) && !plan.fine_gradient && !effects.forced_on(EffectId::paper_slicing) &&
+                         is_far_off(sum_facts(scene, view, plan));
+    divide_apart(scene, outputs, effects, plan, plan.analytic_gradient || far_off || groups);
     if (plan.fine_gradient && !plan.own_sheets.empty()) {
         throw Unsupported(Complaint{
             "the scene cannot be drawn with backend gl",
@@ -222,7 +230,7 @@ std::uint64_t memory_of(const Scene& scene, const ViewFacts& view, const DrawPla
 
 void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
              const Capabilities& capabilities, const SceneCalls& calls, Effects& effects, DrawPlan& plan) {
-    plan_sheets(scene, options, outputs, capabilities, effects, plan);
+    plan_sheets(scene, view, options, outputs, capabilities, effects, plan);
     plan.tagging = choose_tagging(options, capabilities);
     effects.state(EffectId::tagging, plan.tagging != Tagging::off, why_tagged(plan.tagging));
     plan.precision = options.precision == Precision::automatic ? Precision::float32 : options.precision;

@@ -63,8 +63,25 @@ void set_weight_range(Case& one, double range) {
 void set_window(Case& one, double width) {
     one.scene.transfer_function = TransferFunction({{0.0, {1, 1, 1}, 0.0}, {width, {1, 1, 1}, 0.001}});
 }
+/// Three kernels, two of which have one value.
+void make_plateaus(Case& one) {
+    EllipsoidArrays arrays;
+    arrays.centers = {Vec3(0.0), Vec3(1.0, 0.0, 0.0), Vec3(2.0, 0.0, 0.0)};
+    arrays.scales = std::vector<Vec3>(3, Vec3(1.0, 0.5, 2.0));
+    arrays.values = {0.5, 0.7, 0.7};
+    EllipsoidFieldOptions options;
+    options.normalization = Normalization::threshold;
+    options.w0 = 1.0;
+    one.scene.fields = {std::make_shared<EllipsoidField>(std::move(arrays), options)};
+}
+void set_narrow_window(Case& one, double width) {
+    make_plateaus(one);
+    set_window(one, width);
+}
+
 /// Opacity rises 20 times as steeply as over the whole width.
 void set_steep_window(Case& one, double width) {
+    make_plateaus(one);
     one.scene.transfer_function =
         TransferFunction({{0.0, {1, 1, 1}, 0.0}, {0.05 * width, {1, 1, 1}, 0.999}, {width, {1, 1, 1}, 0.999}});
 }
@@ -221,23 +238,22 @@ const std::vector<Limit> of_gl{
          c.view.screen_px.smallest = 0.5 * std::sqrt(33.5) / x;
      }},
     // Values of 0.5 and 0.7, from 0.6.
-    {"noise_of_plateaus_by_differences", 0.1 / 3.96, 0.1 / 4.04, set_window},
+    {"noise_of_plateaus_by_differences", 0.1 / 3.96, 0.1 / 4.04, set_narrow_window},
     // Values of up to 0.7, counted from 0.6.
     {"narrow_window", 0.7 / 7.9, 0.7 / 8.1,
      [](Case& c, double x) {
          make_close(c, 7.0);
-         set_window(c, x);
+         set_narrow_window(c, x);
      }},
     {"noise_of_plateaus_near", 0.1 / 1.98, 0.1 / 2.02,
      [](Case& c, double x) {
          make_close(c, 2.0);
-         set_window(c, x);
+         set_narrow_window(c, x);
      }},
     {"noise_of_plateaus_by_kernels", 0.1 / 1.98, 0.1 / 2.02,
      [](Case& c, double x) {
          make_analytic(c);
-         c.scene.fields = {ellipsoids()};
-         set_window(c, x);
+         set_narrow_window(c, x);
      }},
     {"noise_of_plateaus_by_differences_steep", 0.1 / 19.8, 0.1 / 20.2, set_steep_window},
     {"noise_of_plateaus_by_kernels_steep", 0.1 / 9.9, 0.1 / 10.1,
@@ -245,6 +261,12 @@ const std::vector<Limit> of_gl{
          make_close(c, 10.0);
          c.view.screen_px.smallest = 10.0;
          set_steep_window(c, x);
+     }},
+    {"noise_of_any_values", 0.1 / 9.9, 0.1 / 10.1,
+     [](Case& c, double x) {
+         make_close(c, 100.0);
+         c.view.screen_px.smallest = 10.0;
+         set_window(c, x);
      }},
     {"derived_aspect", 63, 65,
      [](Case& c, double x) {
@@ -441,15 +463,52 @@ TEST(GlChooses, SeparableUpTo) {
     EXPECT_FALSE(one.plan(Backend::gl).separable);
 }
 
-TEST(GlChooses, CountsLitQuotientsFromTheMiddle) {
+TEST(GlRefusesNot, NarrowWindowsOfValuesThatDiffer) {
     Case one = ellipsoid_case();
-    EXPECT_FALSE(one.plan(Backend::gl).own_sheets.empty());
-    // Splatted differences are counted so in common sheets.
-    make_close(one, 10.0);
-    EXPECT_TRUE(one.plan(Backend::gl).own_sheets.empty());
+    set_narrow_window(one, 0.02);
+    EXPECT_TRUE(one.refused(Backend::gl));
     one = ellipsoid_case();
-    make_unlit(one);
+    set_window(one, 0.02);
+    EXPECT_FALSE(one.refused(Backend::gl));
+}
+
+TEST(GlChooses, CountsFromTheMiddleFrom) {
+    for (const auto& [ratio, apart] : {std::pair{0.95, false}, std::pair{1.05, true}}) {
+        Case one = ellipsoid_case();
+        one.scene.fields = {ellipsoids(1.0, 1.0, 1.0, 5.0, ratio - 0.7)};
+        one.scene.transfer_function = ramp(0.01, 0.01, ratio - 0.7);
+        EXPECT_EQ(!one.plan(Backend::gl).own_sheets.empty(), apart) << ratio;
+    }
+}
+
+TEST(GlChooses, CountsFromZeroWhereSumsAreLessThanTheMiddle) {
+    // Sums of weights are far below w0: 33.5 / 1e4 of values of 0.7, under a width of half of that.
+    Case one = ellipsoid_case();
+    one.scene.fields = {ellipsoids(1e4)};
+    set_window(one, 1e-3);
     EXPECT_TRUE(one.plan(Backend::gl).own_sheets.empty());
+}
+
+TEST(GlChooses, CountsFromTheMiddleWhereValuesAreAlike) {
+    const auto is_apart = [](double change, double crowd) {
+        EllipsoidArrays arrays;
+        arrays.centers = {Vec3(0.0), Vec3(1.0, 0.0, 0.0)};
+        arrays.scales = {Vec3(1.0, 0.5, 2.0), Vec3(1.0, 0.5, 2.0)};
+        arrays.values = {1.0 - 2.0 / change, 1.0};
+        EllipsoidFieldOptions options;
+        options.normalization = Normalization::threshold;
+        Case one = ellipsoid_case();
+        one.scene.fields = {std::make_shared<EllipsoidField>(std::move(arrays), options)};
+        one.view.overlap.densest = one.view.overlap.typical = crowd;
+        return !one.plan(Backend::gl).own_sheets.empty();
+    };
+    for (const double crowd : {1.0, 10.0}) {
+        EXPECT_FALSE(is_apart(31.0, crowd));
+        EXPECT_TRUE(is_apart(33.0, crowd));
+    }
+    // Of one value.
+    EXPECT_FALSE(is_apart(1e300, 1.0));
+    EXPECT_TRUE(is_apart(1e300, 10.0));
 }
 
 TEST(GlChooses, EliminationInSoftwareWhereOpaqueWithinSixteenSlices) {

@@ -94,6 +94,13 @@ struct BySteepness {
 /// reference length.
 constexpr double gentle_steepness = 10.0, gentle_pixels = 100.0;
 
+/// Values over the window beyond which quotients that are lit are counted from the middle of the values: at 1.9
+/// seen at 2.9e-5 (RMSE), at 31 at 4e-4 (P99.9), and then at 2e-5. Test: GlChooses.CountsFromTheMiddleFrom.
+constexpr double largest_plain_lit_ratio = 1.0;
+/// Values over the largest difference from their middle beyond which they are counted from it too: what is lit where
+/// they hardly change is rounding. Where all are one, from so many at a point on: 60 kernels at 1.1 windows seen
+/// at 2.1e-5 (RMSE), 2e-5 allowed. Test: GlChooses.CountsFromTheMiddleWhereValuesAreAlike.
+constexpr double plain_lit_change = 32.0, plain_lit_crowd = 4.0;
 /// gradient_opacity, in windows per reference length, where quotients are divided: where the kernels that overlap have
 /// one value their gradient is rounding alone. At 1e-4 seen at 7e-4 (P99.9).
 constexpr double least_full_gradient = 2e-4;
@@ -116,8 +123,13 @@ constexpr BySteepness widest_by_semi_axis{40.0, 1000.0};
 /// 38 and at 7.5e-5 at 200.
 constexpr double largest_noise_of_derivatives = 35.0;
 /// Values over the width of a transfer function from which on it is narrow: what is rounded of values far beyond it is
-/// lit where they hardly change, and where their kernels end. At 9.7 seen at 5e-4 (P99.9); up to there never.
+/// lit where they hardly change, and where their kernels end. At 9.7 seen at 5e-4 (P99.9).
 constexpr double narrow_window = 8.0;
+/// ... and the share of a field's values that are others' too from which on it has plateaus: of fields whose values all
+/// differ, 96 pictures under narrow transfer functions were at 0.3 of their bounds at most.
+constexpr double least_repeated = 1.0 / 16.0;
+/// ... and where those differ too, of kernels far flatter than a reference length: at 234 seen at 5e-4 (P99.9).
+constexpr double noise_of_any_values = 100.0;
 /// Values from their middle over the width of a narrow transfer function, times the reference length over a pixel or
 /// slice spacing where quotients are lit by plain differences: seen at 2.3e-5 (RMSE) at 5.2 and at 8.5e-4 (P99.9)
 /// at 10.5. ...

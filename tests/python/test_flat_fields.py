@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import scene_parts
 from image_checks import FLOAT32, FLOAT32_HARD, assert_close, off_by, within
 from reference_pictures import by_reference
 from scene_parts import Parts, cloud
+from sweep_scenes import fault
 
 import sheetsplat as ss
 
@@ -268,3 +271,32 @@ def test_opengl_refuses_what_cancels_in_float32() -> None:
         drawn(parts, "gl")
     expected = by_reference(parts)
     assert_close(drawn(parts, "cpu"), expected.rgba, FLOAT32, "flakes")
+
+
+def outlier(value: float, weight: float) -> Any:
+    """Return a field in which one of 30 kernels has a far larger value, and next to no weight."""
+    field = scene_parts.cloud(np.random.default_rng(1), 30, 8.0, 2.0, w0=1.0)
+    field["weights"] = np.ones(30)
+    field["weights"][3], field["values"][3] = weight, value
+    return field
+
+
+FAR = [(outlier(1e6, 0.0), (0.0, 1.0), {"mode": "isosurface", "iso_value": 0.3}, "right")]
+FAR += [(outlier(-9999.0, 0.0), (0.0, 1.0), {"mode": "isosurface", "iso_value": 0.3}, "right")]
+FAR += [(outlier(1e6, 0.0), (0.4, 20.0), {}, "right"), (outlier(1e6, 0.0), (0.1, 5.0), {}, "right")]
+FAR += [(outlier(1e6, 0.0), (0.0, 1.0), {"mode": "isosurface", "iso_value": 0.3, "gradient": "analytic"}, "refused")]
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize(("field", "window", "scene", "outcome"), FAR)
+def test_opengl_with_values_that_do_not_show(field: Any, window: Any, scene: Any, outcome: str) -> None:
+    """The middle of all values is far from those that show: counted from it they lost all digits."""
+    low, high = window
+    points = [(low, 0.1, 0.2, 0.6, 0.0), ((low + high) / 2, 0.2, 0.6, 0.4, 0.1), (high, 1.0, 0.9, 0.8, 0.3)]
+    parts = scene_parts.parts([field], transfer=points, size=(20, 16), **scene)
+    if outcome == "refused":
+        with pytest.raises(ss.Unsupported):
+            fault(parts, "gl")
+    else:
+        assert not fault(parts, "gl")
+    assert not fault(parts, "cpu")

@@ -360,14 +360,17 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                           option_ref("backend", "reference") + ", or pass " + option_ref("allow_inexact", "true")});
     }
     // Errors of single slices partly cancel along a ray; what a steep ramp adds, it adds at few pixels.
-    const double picture = 0.25 * sums * std::min(steepness, 4.0);
+    // What is counted from the middle of values is rounded by half their range, however little of it sums come to.
     const bool lit_quotient = lights_quotients(plan);
-    const double lit_ratio =
-        counts_from_pivots(plan) ? std::min(ratio, ratio_from_pivots(scene, plan, resolved)) : ratio;
+    const double half_range = counts_from_pivots(plan) ? ratio_from_pivots(scene, plan, resolved) : 0.0;
+    const double lit_ratio = counts_from_pivots(plan) ? half_range : ratio;
+    const double picture =
+        0.25 * float32_epsilon * std::sqrt(overlap) * std::max(ratio, half_range) * std::min(steepness, 4.0);
     const bool too_far = lit_quotient && lit_ratio > largest_lit_ratio;
     const double most_times = 4.0 * float32_bound / (sums / ratio) / std::min(steepness, 4.0);
     if (plan.precision == Precision::float32 && (picture > float32_bound || too_far)) {
-        refuse_sheets("values up to " + number(largest) + " where " + number(resolved) + " is resolved",
+        refuse_sheets("values up to " + number(std::max(largest, half_range * resolved)) + " where " +
+                          number(resolved) + " is resolved",
                       "values of at most " + number(too_far ? std::min(largest_lit_ratio, most_times) : most_times) +
                           " times that",
                       "use a wider transfer function or " + option_ref("clim") +
@@ -390,10 +393,12 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                           "use a larger one, use " + option_ref("backend", "reference"), "gradient_opacity");
         }
     }
-    if (is_near_the_end(plan, facts)) {
+    if (is_near_the_end(plan, facts) ||
+        (plan.mode == Mode::isosurface && half_range * resolved > farthest_from_end(plan) * nearest_end)) {
+        const double reach = std::max(largest, half_range * resolved);
         refuse_sheets(
-            "an iso value that is " + number(nearest_end) + " from the end of values of up to " + number(largest),
-            "at least " + number(largest / farthest_from_end(plan)),
+            "an iso value that is " + number(nearest_end) + " from the end of values of up to " + number(reach),
+            "at least " + number(reach / farthest_from_end(plan)),
             (plan.analytic_gradient ? "leave out " + option_ref("gradient", "analytic") + ", or use " : Words("use ")) +
                 option_ref("backend", "cpu"));
     }

@@ -49,7 +49,8 @@ void plan_sheets(const Scene& scene, const ViewFacts& view, const RendererOption
         const double differing = ratio_from_pivots(scene, plan, sums.resolved);
         const bool alike =
             sums.ratio > plain_lit_change * differing && (sums.crowd > plain_lit_crowd || differing > 0.0);
-        return (sums.ratio > largest_plain_lit_ratio && sums.ratio >= differing) || alike;
+        const double most = plan.mode == Mode::isosurface ? largest_plain_surface_ratio : largest_plain_lit_ratio;
+        return (sums.ratio > most && sums.ratio >= differing) || alike;
     };
     const bool far_off = lights_quotients(plan) && !plan.fine_gradient && !effects.forced_on(EffectId::paper_slicing) &&
                          is_far_off(sum_facts(scene, view, plan));

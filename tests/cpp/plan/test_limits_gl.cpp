@@ -481,6 +481,16 @@ TEST(GlChooses, CountsFromTheMiddleFrom) {
     }
 }
 
+TEST(GlChooses, CountsSurfacesFromTheMiddleFrom) {
+    for (const auto& [ratio, apart] : {std::pair{1.95, false}, std::pair{2.05, true}}) {
+        Case one = ellipsoid_case();
+        make_surface(one);
+        // Values differ by 0.2.
+        one.scene.fields = {ellipsoids(1.0, 1.0, 1.0, 5.0, 0.2 * ratio - 0.7)};
+        EXPECT_EQ(!one.plan(Backend::gl).own_sheets.empty(), apart) << ratio;
+    }
+}
+
 TEST(GlChooses, CountsFromZeroWhereSumsAreLessThanTheMiddle) {
     // Sums of weights are far below w0: 33.5 / 1e4 of values of 0.7, under a width of half of that.
     Case one = ellipsoid_case();

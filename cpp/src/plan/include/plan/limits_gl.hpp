@@ -96,7 +96,8 @@ constexpr double gentle_steepness = 10.0, gentle_pixels = 100.0;
 
 /// Values over the window beyond which quotients that are lit are counted from the middle of the values: at 1.9
 /// seen at 2.9e-5 (RMSE), at 31 at 4e-4 (P99.9), and then at 2e-5. Test: GlChooses.CountsFromTheMiddleFrom.
-constexpr double largest_plain_lit_ratio = 1.0;
+/// Surfaces are where values change.
+constexpr double largest_plain_lit_ratio = 1.0, largest_plain_surface_ratio = 2.0;
 /// Values over the largest difference from their middle beyond which they are counted from it too: what is lit where
 /// they hardly change is rounding. Where all are one, from so many at a point on: 60 kernels at 1.1 windows seen
 /// at 2.1e-5 (RMSE), 2e-5 allowed. Test: GlChooses.CountsFromTheMiddleWhereValuesAreAlike.

@@ -338,13 +338,19 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
         return;
     }
     const double expected = plan.summary.expected_error();
-    const double worst = noise * ratio * steepness;
+    // What is counted from the middle of values is rounded by half their range, however little of it sums come to.
+    const bool lit_quotient = lights_quotients(plan);
+    const double half_range = counts_from_pivots(plan) ? ratio_from_pivots(scene, plan, resolved) : 0.0;
+    const double worst = noise * std::max(ratio, half_range) * steepness;
+    // Whether a kernel reaches a point shows: 16 bits lose the smallest weights.
+    const bool loses_ends = plan.precision == Precision::float16 && plan.empty_test;
     if (plan.precision == Precision::uint8 ||
-        (plan.precision == Precision::float16 && (expected > float16_bound || worst > float16_worst))) {
+        (plan.precision == Precision::float16 && (expected > float16_bound || worst > float16_worst || loses_ends))) {
         throw Unsupported(
             Complaint{std::string("the picture cannot be made with ") + to_string(plan.precision) + " sheets",
                       "an expected error of " + number(expected) + ", and of " + number(worst) +
-                          " where colours are steepest: up to " + number(crowd) + " kernels at a point",
+                          " where colours are steepest: up to " + number(crowd) + " kernels at a point" +
+                          (loses_ends ? ", and an opacity above 0 where there is nothing" : ""),
                       "at most " + number(float16_bound) + " and " + number(float16_worst),
                       "use " + option_ref("precision", "float32") + ", or pass " + option_ref("allow_inexact", "true"),
                       "precision"});
@@ -359,11 +365,8 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                       "scale the weights and " + option_ref("w0") + " by one factor, use " +
                           option_ref("backend", "reference") + ", or pass " + option_ref("allow_inexact", "true")});
     }
-    // Errors of single slices partly cancel along a ray; what a steep ramp adds, it adds at few pixels.
-    // What is counted from the middle of values is rounded by half their range, however little of it sums come to.
-    const bool lit_quotient = lights_quotients(plan);
-    const double half_range = counts_from_pivots(plan) ? ratio_from_pivots(scene, plan, resolved) : 0.0;
     const double lit_ratio = counts_from_pivots(plan) ? half_range : ratio;
+    // Errors of single slices partly cancel along a ray; what a steep ramp adds, it adds at few pixels.
     const double picture =
         0.25 * float32_epsilon * std::sqrt(overlap) * std::max(ratio, half_range) * std::min(steepness, 4.0);
     const bool too_far = lit_quotient && lit_ratio > largest_lit_ratio;

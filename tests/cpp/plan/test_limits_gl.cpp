@@ -425,6 +425,15 @@ const std::vector<Limit> of_float16{
 };
 INSTANTIATE_TEST_SUITE_P(Limits, GlFloat16, testing::ValuesIn(of_float16), name_of);
 
+TEST(GlFloat16Refused, WhereEmptyPointsAreToldFromZero) {
+    Case one = ellipsoid_case();
+    make_unlit(one);
+    one.options.precision = Precision::float16;
+    EXPECT_FALSE(one.refused(Backend::gl));
+    one.scene.transfer_function = TransferFunction({{0.0, {1, 1, 1}, 0.01}, {1.0, {1, 1, 1}, 0.01}});
+    EXPECT_TRUE(one.refused(Backend::gl));
+}
+
 // ---- backend gl: ways of drawing
 
 TEST(GlChooses, PreciseFrom) {

@@ -51,7 +51,18 @@ def test_reports_that_cannot_be_written_are_an_error(arguments: list[str]) -> No
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
 def test_a_terminated_command_leaves_no_file(number: signal.Signals) -> None:
-    command = [*COMMAND, "--size", "900", "--slice-spacing", "0.001", "--mode", "isosurface"]
+    # Jobs in the background may ignore SIGHUP, and so would theirs.
+    command = [
+        "env",
+        "--default-signal=HUP",
+        *COMMAND,
+        "--size",
+        "900",
+        "--slice-spacing",
+        "0.001",
+        "--mode",
+        "isosurface",
+    ]
     with subprocess.Popen(command, stderr=subprocess.PIPE) as process:
         assert process.stderr is not None
         process.stderr.readline()  # what surface is shown: said right before drawing begins

@@ -127,7 +127,8 @@ constexpr double largest_noise_of_derivatives = 35.0;
 /// lit where they hardly change, and where their kernels end. At 9.7 seen at 5e-4 (P99.9).
 constexpr double narrow_window = 8.0;
 /// ... and the share of a field's values that are others' too from which on it has plateaus: of fields whose values all
-/// differ, 96 pictures under narrow transfer functions were at 0.3 of their bounds at most.
+/// differ, 96 pictures under narrow transfer functions were at 0.3 of their bounds at most. Test:
+/// GlRefusesNot.NarrowWindowsOfValuesThatDiffer.
 constexpr double least_repeated = 1.0 / 16.0;
 /// ... and where those differ too, of kernels far flatter than a reference length: at 234 seen at 5e-4 (P99.9).
 constexpr double noise_of_any_values = 100.0;

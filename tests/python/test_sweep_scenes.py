@@ -60,7 +60,7 @@ def test_opengl_does_not_light_rounding_of_plateaus(number: int) -> None:
 
 @pytest.mark.gl
 @pytest.mark.parametrize("number", [*NARROW, SIDEWAYS])
-def test_opengl_refuses_what_it_would_draw_wrong(number: int) -> None:
+def test_opengl_refuses_what_it_may_draw_wrong(number: int) -> None:
     """The processor draws them right."""
     parts = scene_of(number)[1]
     with pytest.raises(ss.Unsupported, match="within its error bound"):

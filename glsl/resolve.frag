@@ -7,6 +7,9 @@
 uniform sampler2D sheet_front_texture;
 uniform sampler2D weight_front_texture;
 uniform float w0;
+#ifdef WEIGHT
+uniform float least_weight;
+#endif
 
 #ifdef SLOPES
 uniform sampler2D x_front_texture;
@@ -55,6 +58,7 @@ void main() {
     z_sum = above_rounding(texelFetch(z_front_texture, at, 0) - z, of_products * z) / divisor;
 #endif
 #ifdef WEIGHT
-    weight_sum = weight;
+    // Where its weight is too small the field is empty.
+    weight_sum = mix(vec4(0.0), weight, greaterThanEqual(weight, vec4(least_weight)));
 #endif
 }

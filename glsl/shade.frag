@@ -21,6 +21,15 @@ uniform float exponent;         // slice spacing over reference length
 #ifdef STOP
 uniform float opacity_stop;
 #endif
+#ifdef LEAST_WEIGHT
+uniform float least_weight; // points with less are empty
+#endif
+// Whether a slice counts that is kept: without weights all do.
+#ifdef WEIGHT
+#define COUNTS(slab) (w[slab] > 0.0)
+#else
+#define COUNTS(slab) true
+#endif
 #ifdef MODE_ISOSURFACE
 uniform float iso_value;
 uniform vec4 iso_color;
@@ -73,6 +82,12 @@ void main() {
     coverage_out = covered;
 #endif
 
+#ifdef LEAST_WEIGHT
+    for (int c = 0; c < SLABS; ++c) {
+        w[c] = w[c] < least_weight ? 0.0 : w[c];
+    }
+#endif
+
 #ifdef READ_IMAGE
     vec4 result = texelFetch(image_texture, at, 0);
 #else
@@ -100,22 +115,7 @@ void main() {
         add(result.rg, rho[c] * slant);
     }
 #endif
-#ifdef MODE_MIP
-    for (int c = CENTER; c < CENTER + SLICES; ++c) {
-#ifdef CLIP
-        if (!kept[c]) {
-            continue;
-        }
-#endif
-#ifdef OWNED
-        if (!is_owned(runs, c)) {
-            continue;
-        }
-#endif
-        result.r = max(result.r, rho[c]);
-    }
-#endif
-#ifdef MODE_MINIMUM
+#ifdef MODE_EXTREME
     // In g: 1 once a slice has counted.
     for (int c = CENTER; c < CENTER + SLICES; ++c) {
 #ifdef CLIP
@@ -128,8 +128,8 @@ void main() {
             continue;
         }
 #endif
-        if (w[c] > 0.0) {
-            result.rg = vec2(result.g > 0.0 ? min(result.r, rho[c]) : rho[c], 1.0);
+        if (COUNTS(c)) {
+            result.rg = vec2(result.g > 0.0 ? MODE_EXTREME(result.r, rho[c]) : rho[c], 1.0);
         }
     }
 #endif
@@ -146,7 +146,7 @@ void main() {
             continue;
         }
 #endif
-        if (w[c] > 0.0) {
+        if (COUNTS(c)) {
             add(result.rg, rho[c]);
             result.b += 1.0;
         }

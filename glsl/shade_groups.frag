@@ -28,6 +28,9 @@ uniform float exponent;         // slice spacing over reference length
 #else
 #define SEEN(color, slab) seen(color, slab)
 #endif
+#ifdef LEAST_WEIGHT
+uniform float least_weights[ALL_GROUPS]; // points of a group with less are empty
+#endif
 #ifdef STOP
 uniform float opacity_stop;
 #else
@@ -119,6 +122,12 @@ void main() {
         add(covered, weight * slant);
     }
     coverage_out = covered;
+#endif
+
+#ifdef LEAST_WEIGHT
+    for (int n = 0; n < ALL_GROUPS * SLABS; ++n) {
+        w[n] = w[n] < least_weights[n / SLABS] ? 0.0 : w[n];
+    }
 #endif
 
 #ifdef READ_IMAGE

@@ -1,3 +1,4 @@
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -24,20 +25,36 @@ namespace {
 const std::map<std::string, Normalization> normalizations{
     {"none", Normalization::none}, {"lattice", Normalization::lattice}, {"threshold", Normalization::threshold}};
 const std::map<std::string, Lattice> lattices{{"cartesian", Lattice::cartesian}, {"bcc", Lattice::bcc}};
+const std::map<std::string, Boundary> boundaries{{"edge", Boundary::edge}, {"zero", Boundary::zero}};
 const std::map<std::string, NanPolicy> nan_policies{{"error", NanPolicy::error}, {"skip", NanPolicy::skip}};
 
+/// Rows without gaps in them; between them there may be some.
 template <typename Value>
 SampleArray copy_samples(const py::array& values) {
-    const auto* first = static_cast<const Value*>(values.data());
-    const auto count = static_cast<std::size_t>(values.size());
+    const auto* first = static_cast<const std::byte*>(values.data());
+    const py::ssize_t layers = values.shape(0), rows = values.shape(1), count = values.shape(2);
+    const py::ssize_t layer = values.strides(0), row = values.strides(1);
     const Released release;
-    return std::vector<Value>(first, first + count);
+    std::vector<Value> samples;
+    samples.reserve(static_cast<std::size_t>(layers * rows * count));
+    for (py::ssize_t k = 0; k < layers; ++k) {
+        for (py::ssize_t j = 0; j < rows; ++j) {
+            const auto* from = reinterpret_cast<const Value*>(first + k * layer + j * row);
+            samples.insert(samples.end(), from, from + count);
+        }
+    }
+    return samples;
 }
 
 SampleArray to_samples(const py::array& values) {
-    if (!(values.flags() & py::array::c_style)) {
-        throw InvalidInput(Complaint{"RegularField: the samples cannot be used", "an array that is not contiguous",
-                                     "C order, the last axis fastest", "pass numpy.ascontiguousarray(values)"});
+    if (values.ndim() != 3) {
+        throw InvalidInput(Complaint{"RegularField: the samples cannot be used",
+                                     "an array of " + std::to_string(values.ndim()) + " axes", "3 axes, [k, j, i]",
+                                     ""});
+    }
+    if (!(values.flags() & py::array::c_style) && values.strides(2) != values.itemsize()) {
+        throw InvalidInput(Complaint{"RegularField: the samples cannot be used", "rows that are not contiguous",
+                                     "the last axis fastest", "pass numpy.ascontiguousarray(values)"});
     }
     const py::dtype dtype = values.dtype();
     if (dtype.equal(py::dtype::of<std::uint8_t>())) {
@@ -63,14 +80,11 @@ SampleArray to_samples(const py::array& values) {
 std::shared_ptr<RegularField> make_field(const py::array& values, const Triple& spacing, const Triple& origin,
                                          const std::string& lattice, double radius, double falloff,
                                          const std::string& normalization, double w0, const std::string& nan,
-                                         bool prefilter, const std::optional<py::array>& coefficients,
+                                         bool prefilter, const std::string& boundary, std::optional<double> base,
+                                         double least_weight, const std::optional<py::array>& coefficients,
                                          const std::optional<std::map<std::string, double>>& figures,
                                          const std::optional<std::array<double, 2>>& value_range) {
-    if (values.ndim() != 3) {
-        throw InvalidInput(Complaint{"RegularField: the samples cannot be used",
-                                     "an array of " + std::to_string(values.ndim()) + " axes", "3 axes, [k, j, i]",
-                                     ""});
-    }
+    SampleArray samples = to_samples(values);
     RegularFieldOptions options;
     options.spacing = to_vec3(spacing);
     options.origin = to_vec3(origin);
@@ -81,11 +95,13 @@ std::shared_ptr<RegularField> make_field(const py::array& values, const Triple& 
     options.w0 = w0;
     options.nan = from_name("nan", nan, nan_policies);
     options.prefilter = prefilter;
+    options.boundary = from_name("boundary", boundary, boundaries);
+    options.base = base;
+    options.least_weight = least_weight;
     options.value_range = value_range;
     const std::array<std::size_t, 3> shape{static_cast<std::size_t>(values.shape(0)),
                                            static_cast<std::size_t>(values.shape(1)),
                                            static_cast<std::size_t>(values.shape(2))};
-    SampleArray samples = to_samples(values);
     if (coefficients && figures) {
         PrefilteredSamples found{
             to_samples(*coefficients),
@@ -104,17 +120,22 @@ std::shared_ptr<RegularField> make_field(const py::array& values, const Triple& 
     return std::make_shared<RegularField>(std::move(samples), shape, options, progress);
 }
 
-/// The samples themselves, as kernels have them or as they were given, read-only; the array keeps the field alive.
-template <const SampleArray& (RegularField::*get)() const>
+/// The samples themselves, as they were given or as kernels have them, read-only; the array keeps the field alive. Rows
+/// may be kept with mirrored samples at their ends.
+template <bool given>
 py::array view_samples(const py::object& self) {
     const auto& field = self.cast<const RegularField&>();
     const auto& shape = field.shape();
+    const std::size_t ends = given && field.prefilter() ? 0 : field.mirrored()[2];
+    const std::size_t row = shape[2] + 2 * ends;
     py::array view = std::visit(
         [&](const auto& samples) {
             using Value = typename std::decay_t<decltype(samples)>::value_type;
-            return py::array(py::dtype::of<Value>(), {shape[0], shape[1], shape[2]}, samples.data(), self);
+            return py::array(py::dtype::of<Value>(), {shape[0], shape[1], shape[2]},
+                             {shape[1] * row * sizeof(Value), row * sizeof(Value), sizeof(Value)}, samples.data() + ends,
+                             self);
         },
-        (field.*get)());
+        given ? field.given_samples() : field.samples());
     view.attr("flags").attr("writeable") = false;
     return view;
 }
@@ -132,13 +153,14 @@ std::shared_ptr<EllipsoidField>
 make_ellipsoids(const py::array& centers, const py::array& scales, const std::optional<py::array>& rotations,
                 const py::array& values, const std::optional<py::array>& weights, const std::string& normalization,
                 double w0, double falloff, std::optional<double> min_scale, std::optional<double> cell_volume,
-                bool unit_rotations, const std::optional<std::array<double, 2>>& value_range) {
+                double base, bool unit_rotations, const std::optional<std::array<double, 2>>& value_range) {
     EllipsoidFieldOptions options;
     options.normalization = from_name("normalization", normalization, normalizations);
     options.w0 = w0;
     options.falloff = falloff;
     options.min_scale = min_scale;
     options.cell_volume = cell_volume;
+    options.base = base;
     options.value_range = value_range;
     EllipsoidArrays arrays;
     arrays.unit_rotations = unit_rotations;
@@ -276,6 +298,9 @@ void register_field(py::module_& module) {
     py::class_<Field, std::shared_ptr<Field>>(module, "Field")
         .def_property_readonly("size", &Field::size)
         .def_property_readonly("value_range", &Field::value_range)
+        .def_property_readonly("base", &Field::base)
+        .def_property_readonly("least_weight", &Field::least_weight)
+        .def_property_readonly("divisor", &Field::w0)
         .def_property_readonly("centres", [](const Field& field) { return to_corners(field.centres_world()); })
         .def_property_readonly("supports", [](const Field& field) { return to_corners(field.supports_world()); })
         .def_property_readonly("default_slice_spacing", &Field::default_slice_spacing)
@@ -290,14 +315,17 @@ void register_field(py::module_& module) {
     py::class_<RegularField, Field, std::shared_ptr<RegularField>>(module, "RegularField")
         .def(py::init(&make_field), py::arg("values"), py::kw_only(), py::arg("spacing"), py::arg("origin"),
              py::arg("lattice"), py::arg("radius"), py::arg("falloff"), py::arg("normalization"), py::arg("w0"),
-             py::arg("nan"), py::arg("prefilter"), py::arg("coefficients").none(true), py::arg("figures").none(true),
+             py::arg("nan"), py::arg("prefilter"), py::arg("boundary") = "zero", py::arg("base") = py::none(),
+             py::arg("least_weight") = 0.0, py::arg("coefficients").none(true), py::arg("figures").none(true),
              py::arg("value_range") = py::none())
-        .def_property_readonly("values", &view_samples<&RegularField::samples>)
-        .def_property_readonly("given_values", &view_samples<&RegularField::given_samples>)
+        .def_property_readonly("values", &view_samples<false>)
+        .def_property_readonly("given_values", &view_samples<true>)
         .def_property_readonly("given_range", &RegularField::given_range)
         .def_property_readonly("prefilter_figures", &figures_of)
         .def_property_readonly("lattice_constant", &RegularField::lattice_constant)
         .def_property_readonly("has_holes", &RegularField::has_holes)
+        .def_property_readonly(
+            "domain", [](const RegularField& field) { return to_corners(field.domain_world().value_or(Box{})); })
         .def(
             "position",
             [](const RegularField& field, std::size_t i, std::size_t j, std::size_t k) {
@@ -307,7 +335,8 @@ void register_field(py::module_& module) {
     py::class_<EllipsoidField, Field, std::shared_ptr<EllipsoidField>>(module, "EllipsoidField")
         .def(py::init(&make_ellipsoids), py::arg("centers"), py::arg("scales"), py::arg("rotations").none(true),
              py::arg("values"), py::kw_only(), py::arg("weights").none(true), py::arg("normalization"), py::arg("w0"),
-             py::arg("falloff"), py::arg("min_scale"), py::arg("cell_volume"), py::arg("unit_rotations") = false,
+             py::arg("falloff"), py::arg("min_scale"), py::arg("cell_volume"), py::arg("base") = 0.0,
+             py::arg("unit_rotations") = false,
              py::arg("value_range") = py::none())
         .def_property_readonly("centers",
                                [](const py::object& self) {

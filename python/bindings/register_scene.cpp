@@ -107,7 +107,9 @@ Scene with_depth_limit(const Scene& scene,
 Scene with_part(const Scene& scene, const std::pair<Triple, Triple>& cell, const std::pair<Triple, Triple>& centres,
                 const std::array<double, 2>& depths,
                 const std::optional<py::array_t<float, py::array::c_style | py::array::forcecast>>& in_front,
-                const std::optional<std::pair<Triple, Triple>>& supports, const std::shared_ptr<LightVolumes>& light) {
+                const std::optional<std::pair<Triple, Triple>>& supports,
+                const std::optional<std::pair<Triple, Triple>>& domain, bool filled,
+                const std::shared_ptr<LightVolumes>& light) {
     Scene made = scene;
     Part& part = made.part.emplace();
     part.cell = {to_vec3(cell.first), to_vec3(cell.second)};
@@ -120,6 +122,10 @@ Scene with_part(const Scene& scene, const std::pair<Triple, Triple>& cell, const
     if (supports) {
         part.supports = {to_vec3(supports->first), to_vec3(supports->second)};
     }
+    if (domain) {
+        part.domain = Box{to_vec3(domain->first), to_vec3(domain->second)};
+    }
+    part.filled = filled;
     part.light = light;
     made.validate();
     return made;
@@ -147,7 +153,8 @@ void register_scene(py::module_& module) {
              py::arg("depth_cue"), py::arg("shadows"), py::arg("ambient_occlusion"))
         .def("with_depth_limit", &with_depth_limit, py::arg("depths"))
         .def("with_part", &with_part, py::kw_only(), py::arg("cell"), py::arg("centres"), py::arg("depths"),
-             py::arg("in_front").none(true), py::arg("supports") = py::none(), py::arg("light") = py::none())
+             py::arg("in_front").none(true), py::arg("supports") = py::none(), py::arg("domain") = py::none(),
+             py::arg("filled") = false, py::arg("light") = py::none())
         .def_property_readonly("slice_distance", &Scene::slice_distance)
         .def_property_readonly("reference_distance", &Scene::reference_distance)
         .def_property_readonly("centres", [](const Scene& scene) { return to_corners(scene.centres_world()); });

@@ -21,6 +21,12 @@ class Field:
     @property
     def supports(self) -> _Corners: ...
     @property
+    def base(self) -> float: ...
+    @property
+    def least_weight(self) -> float: ...
+    @property
+    def divisor(self) -> float: ...
+    @property
     def default_slice_spacing(self) -> float: ...
     @property
     def memory(self) -> int: ...
@@ -41,6 +47,9 @@ class RegularField(Field):
         w0: float,
         nan: str,
         prefilter: bool,
+        boundary: str = "zero",
+        base: float | None = None,
+        least_weight: float = 0.0,
         coefficients: NDArray[Any] | None,
         figures: dict[str, float] | None,
         value_range: tuple[float, float] | None = None,
@@ -57,6 +66,8 @@ class RegularField(Field):
     def lattice_constant(self) -> float: ...
     @property
     def has_holes(self) -> bool: ...
+    @property
+    def domain(self) -> _Corners: ...
     def position(self, i: int, j: int, k: int) -> _Triple: ...
 
 def prefilter_condition(radius: float, falloff: float, lattice: str) -> float: ...
@@ -75,6 +86,7 @@ class EllipsoidField(Field):
         falloff: float,
         min_scale: float | None,
         cell_volume: float | None,
+        base: float = 0.0,
         unit_rotations: bool = False,
         value_range: tuple[float, float] | None = None,
     ) -> None: ...
@@ -168,6 +180,8 @@ class Scene:
         depths: tuple[float, float],
         in_front: NDArray[np.float32] | None,
         supports: _Corners | None = None,
+        domain: _Corners | None = None,
+        filled: bool = False,
         light: LightVolumes | None = None,
     ) -> Scene: ...
     @property

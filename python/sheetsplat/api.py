@@ -32,7 +32,7 @@ from sheetsplat.fields import EllipsoidField, Field, RegularField, any_in_bricks
 from sheetsplat.framing import compose_camera, fitting_depth_cue
 from sheetsplat.image import Image
 from sheetsplat.look.compose import compose_scene, suggested_look
-from sheetsplat.look.decades import in_decades
+from sheetsplat.look.decades import in_decades, logarithmic
 from sheetsplat.look.strays import without_strays
 from sheetsplat.look.surface import surface_text
 from sheetsplat.notices import warn
@@ -167,9 +167,16 @@ def to_fields(data: object, **options: Unpack[OpenOptions]) -> list[Field]:
                 "give them to the field itself, or to sheetsplat.open",
             )
         return [data] if isinstance(data, Field) else list(data)  # type: ignore[call-overload]
+    log = given.pop("log", False)
     for name in pick(FileOptions, given):
         raise complain(unusable(f"render: {name}"), "an array", f"{name} only for files")
-    return [RegularField(data, **given)]  # type: ignore[arg-type]
+    field = RegularField(data, **given)  # type: ignore[arg-type]
+    if log is False:
+        return [field]
+    # Readers are not needed before.
+    from sheetsplat.io.kernels import log_base
+
+    return [logarithmic(field, log_base(field.values, "the samples", log))]
 
 
 def _refuse_one_for_each(count: int, look: Mapping[str, Any]) -> None:

@@ -31,9 +31,10 @@ def _picture(array: Image | ArrayLike, what: str) -> Floats:
 def _displayed(picture: Floats, reference: Floats) -> Floats:
     """Return the picture as a screen shows it over black: (h, w, 3) in [0, 1]."""
     if picture.ndim == 2:
-        finite = np.nan_to_num(reference, posinf=0.0, neginf=0.0)
-        top = float(finite.max(initial=0.0))
-        picture = np.repeat((picture / top if top > 0 else picture)[..., None], 3, axis=2)
+        finite = reference[np.isfinite(reference)]
+        low, high = float(finite.min(initial=0.0)), float(finite.max(initial=0.0))
+        shares = (picture - low) / (high - low) if low < high else picture
+        picture = np.repeat(shares[..., None], 3, axis=2)
     return np.clip(np.nan_to_num(picture[..., :3]), 0.0, 1.0).astype(np.float32)
 
 

@@ -183,7 +183,10 @@ class Image:
 
     @property
     def scalar(self) -> NDArray[np.float32]:
-        """Result of the modes "xray", "mip", "minimum" and "average", float32 (h, w). InvalidInput in other modes."""
+        """Result of the modes "xray", "mip", "minimum" and "average", float32 (h, w). InvalidInput in other modes.
+
+        Where there is nothing on the ray of a pixel it is NaN, and 0 in mode "xray".
+        """
         return self._there("scalar", self._scalar, "its mode is a coloured one: look at image.rgba")
 
     @property
@@ -242,7 +245,7 @@ class Image:
         """The values at which the colours begin and end: of the first transfer function, or of a scalar picture."""
         if self._scalar is not None:
             colors: ScalarColors = self._recipe.options["scalar_colors"]
-            return colors.limits(self._scalar)
+            return colors.limits(self._scalar, from_zero=self.mode == "xray")
         first = self._recipe.transfer_functions[0]
         return first.v_min, first.v_max
 
@@ -371,7 +374,7 @@ class Image:
         if self._scalar is not None and suffix in (".tif", ".tiff"):
             return self._scalar
         colors: ScalarColors = self._recipe.options["scalar_colors"]
-        if self._scalar is not None and colors.is_gray:
+        if self._scalar is not None and colors.is_gray and not np.isnan(self._scalar).any():
             return pixels.gray_levels(self._scalar, colors, self.clim)
         shown_levels = self._levels(255)
         if suffix in (".jpg", ".jpeg"):

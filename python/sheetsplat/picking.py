@@ -120,15 +120,54 @@ class _Samples:
     values: Floats
     slopes: Floats
     reached: NDArray[np.bool_]
+    inside: NDArray[np.bool_]
+    base: float
 
     @classmethod
     def of(cls, fields: tuple[Field, ...], points: Floats) -> _Samples:
-        """Return the scalar of all fields together, its gradient, and whether any kernel reaches."""
+        """Return the scalar of all fields together, its gradient, whether any is not empty, and where they do not end.
+
+        The fields end alike, or nowhere.
+        """
         values, slopes, reached = np.zeros(len(points)), np.zeros((len(points), 3)), np.zeros(len(points), bool)
         for field in fields:
             value, slope, nearest = field.probe(points)
             values, slopes, reached = values + value, slopes + slope, reached | (nearest >= 0)
-        return cls(values, slopes, reached)
+        return cls(values, slopes, reached, _inside(fields[0], points), sum(one.base for one in fields))
+
+    @classmethod
+    def sum_of(cls, groups: list[tuple[Field, ...]], points: Floats) -> _Samples:
+        """Return the same of groups that add up where they do not end."""
+        parts = [cls.of(fields, points) for fields in groups]
+        if len(parts) == 1:
+            return parts[0]
+        return cls(
+            np.sum([np.where(one.inside, one.values, 0.0) for one in parts], axis=0),
+            np.sum([np.where(one.inside[:, None], one.slopes, 0.0) for one in parts], axis=0),
+            np.any([one.reached for one in parts], axis=0),
+            np.any([one.inside for one in parts], axis=0),
+            sum(one.base for one in parts),
+        )
+
+
+def _inside(field: Field, points: Floats) -> NDArray[np.bool_]:
+    """Return which points lie in the domain of a field."""
+    box = field.domain if isinstance(field, RegularField) else None
+    if box is None:
+        return np.ones(len(points), bool)
+    found: NDArray[np.bool_] = np.all((points >= box[0]) & (points <= box[1]), axis=1)
+    return found
+
+
+def _as_summed(fields: tuple[Field, ...]) -> tuple[Field, ...]:
+    """Return the fields of a group as they are summed: lattices that end in different places end nowhere.
+
+    Conventions, section 2.
+    """
+    ends = {one.domain if isinstance(one, RegularField) else None for one in fields}
+    if len(ends) == 1:
+        return fields
+    return tuple(one.replace(boundary="zero", base=0.0) if isinstance(one, RegularField) else one for one in fields)
 
 
 def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
@@ -143,21 +182,25 @@ def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
     points = ray.at(depths)
     visible = in_front(image.depth_limit, column, row, depths, plan.slice_spacing)
     kept, stop = scene.options["clip"].keeps(points) & visible, float(image.recipe.options["opacity_stop"])
+    fields_of = [_as_summed(fields) for fields in scene.groups]
     if scene.mode in SCALAR:
-        all_fields = _Samples.of(scene.fields, points)
-        shown_here = all_fields.reached & kept
+        all_fields = _Samples.sum_of(fields_of, points)
+        shown_here = all_fields.reached & all_fields.inside & kept
         if not shown_here.any():
             return None
         values = -all_fields.values if scene.mode == "minimum" else all_fields.values
-        return _pick_at(scene.fields, 0, ray, float(depths[np.where(shown_here, values, -np.inf).argmax()]), None)
-    groups = [_Samples.of(fields, points) for fields in scene.groups]
+        every = tuple(one for fields in fields_of for one in fields)
+        return _pick_at(every, 0, ray, float(depths[np.where(shown_here, values, -np.inf).argmax()]), None)
+    groups = [_Samples.of(fields, points) for fields in fields_of]
     if scene.mode == "isosurface":
         # Slices behind the last one are empty, but a surface may hide them.
         behind = depths[-1:] + plan.slice_spacing
         open_back = bool(in_front(image.depth_limit, column, row, behind, plan.slice_spacing)[0])
-        ends = not plan.cut_by_near, open_back
+        beyond = ray.at(np.concatenate([depths[:1] - plan.slice_spacing, behind]))
+        open_ends = np.array([not plan.cut_by_near, open_back])
+        ends = [(bool(front), bool(back)) for front, back in (open_ends & _inside(one[0], beyond) for one in fields_of)]
         found = _seen_surface(scene, groups, depths, kept, plan.slice_spacing, stop, ends)
-        return None if found is None else _surface_at(scene, ray, *found)
+        return None if found is None else _surface_at(fields_of, ray, *found)
     opacities = np.array(
         [
             _opacities(scene, function, group, kept)
@@ -172,13 +215,13 @@ def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
         return None
     # The group that is most opaque there.
     which = int(opacities[:, n].argmax())
-    first = sum(map(len, scene.groups[:which]))
-    return _pick_at(scene.groups[which], first, ray, float(depths[n]), float(opacities[which, n]))
+    first = sum(map(len, fields_of[:which]))
+    return _pick_at(fields_of[which], first, ray, float(depths[n]), float(opacities[which, n]))
 
 
 def _opacities(scene: Scene, function: TransferFunction, group: _Samples, kept: NDArray[np.bool_]) -> Floats:
     """Return opacities of a group per reference length; 0 where nothing is shown."""
-    opacity: Floats = np.where(group.reached & kept, function.at(group.values)[:, 3], 0.0)
+    opacity: Floats = np.where(group.reached & group.inside & kept, function.at(group.values)[:, 3], 0.0)
     steep = scene.options["gradient_opacity"]
     if steep is not None:
         opacity *= np.minimum(1.0, np.sqrt((group.slopes * group.slopes).sum(axis=1)) / steep)
@@ -217,18 +260,20 @@ def _seen_surface(
     kept: NDArray[np.bool_],
     spacing: float,
     stop: float,
-    ends_kept: tuple[bool, bool],
+    ends_kept: list[tuple[bool, bool]],
 ) -> tuple[_Crossing, float, float] | None:
     """Return the crossing that is seen, its value and its opacity, or None. Conventions, section 7 (Modes).
 
-    ends_kept: whether the slices that there are not, before the first one and behind the last, may end an interval.
+    ends_kept: of each group, whether the slices that there are not, before the first one and behind the last, may end
+    an interval.
     """
-    # Outside of all slices the scalar is 0.
     ends = np.concatenate([[depths[0] - spacing], depths, [depths[-1] + spacing]])
-    both = np.concatenate([ends_kept[:1], kept]) & np.concatenate([kept, ends_kept[1:]])
     crossings = []
     for number_of_group, group in enumerate(groups):
-        values = np.concatenate([[0.0], group.values, [0.0]])
+        own, (front, back) = kept & group.inside, ends_kept[number_of_group]
+        both = np.concatenate([[front], own]) & np.concatenate([own, [back]])
+        # Outside of all slices the scalar is the base.
+        values = np.concatenate([[group.base], group.values, [group.base]])
         for surface, (iso, opacity) in enumerate(scene.surfaces):
             below = values < iso
             for n in np.flatnonzero((below[1:] != below[:-1]) & both).tolist() if opacity > 0 else ():
@@ -240,9 +285,9 @@ def _seen_surface(
     return None if seen is None else (crossings[seen], *scene.surfaces[crossings[seen].surface])
 
 
-def _surface_at(scene: Scene, ray: _Ray, crossing: _Crossing, iso: float, opacity: float) -> Pick:
+def _surface_at(groups: list[tuple[Field, ...]], ray: _Ray, crossing: _Crossing, iso: float, opacity: float) -> Pick:
     """Return what is seen where a ray crosses a surface, whose place between the slices is found first."""
-    fields = scene.groups[crossing.group]
+    fields = groups[crossing.group]
     start, end = crossing.start, crossing.end
     for _ in range(2):
         inside = np.linspace(start, end, _PARTS + 1)
@@ -255,13 +300,15 @@ def _surface_at(scene: Scene, ray: _Ray, crossing: _Crossing, iso: float, opacit
         here, there = float(scalars[m]), float(scalars[m + 1])
     share = (iso - here) / (there - here) if there != here else 0.5
     depth = start + min(max(share, 0.0), 1.0) * (end - start)
-    return _pick_at(fields, sum(map(len, scene.groups[: crossing.group])), ray, depth, opacity)
+    return _pick_at(fields, sum(map(len, groups[: crossing.group])), ray, depth, opacity)
 
 
 def _pick_at(fields: tuple[Field, ...], first: int, ray: _Ray, depth: float, opacity: float | None) -> Pick:
     """Return what fields that add up are at a depth of a ray; `first`: the number of the first of them in the scene."""
     point = ray.at(np.asarray([depth]))
     probes = [field.probe(point) for field in fields]
+    # Lattices add nothing outside of their domains.
+    adds = [bool(_inside(field, point)[0]) for field in fields]
     nearest = [int(numbers[0]) for _, _, numbers in probes]
     which = 0
     if len(fields) > 1:
@@ -269,8 +316,9 @@ def _pick_at(fields: tuple[Field, ...], first: int, ray: _Ray, depth: float, opa
         which = int(np.argmin(distances))
     field, kernel = fields[which], nearest[which]
     sample = _sample(field, kernel) if isinstance(field, RegularField) and kernel >= 0 else None
-    value = sum(float(values[0]) for values, _, _ in probes)
-    gradient = triple("gradient", sum(slopes[0] for _, slopes, _ in probes))
+    value = float(sum(values[0] for (values, _, _), there in zip(probes, adds, strict=True) if there))
+    slope = sum((slopes[0] for (_, slopes, _), there in zip(probes, adds, strict=True) if there), np.zeros(3))
+    gradient = triple("gradient", slope)
     number_in_data = field.trim.number_in_data(kernel)
     return Pick(triple("position", point[0]), depth, value, gradient, opacity, first + which, number_in_data, sample)
 

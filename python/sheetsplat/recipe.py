@@ -21,6 +21,7 @@ from sheetsplat._values import arguments_of
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Error, InvalidInput, complain
 from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.fields.regular import BOUNDARIES
 from sheetsplat.fields.trim import Trim
 from sheetsplat.look.strays import trimmed
 from sheetsplat.options.core import checked, definitions
@@ -41,9 +42,14 @@ _MOST_OBJECTS = 4096
 # Settings of a renderer that belong to a machine, or that chose settings which are written themselves.
 _LEFT_OUT = ("device", "threads", "max_error", "max_seconds")
 _RENDERER = tuple(name for name in definitions(RendererClassOptions) if name not in _LEFT_OUT)
-_OF_VOLUMES = ("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan")
+_OF_VOLUMES = (
+    *("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan"),
+    *("boundary", "base"),
+)
 _KERNELS = ("radius", "falloff", "normalization", "w0", "prefilter")
-_OF_ELLIPSOIDS = ("normalization", "w0", "falloff", "min_scale")
+_OF_ELLIPSOIDS = ("normalization", "w0", "falloff", "min_scale", "base")
+# Options of volumes in pictures that were made before volumes had any of them.
+_BEFORE = {"boundary": "zero", "base": 0.0}
 _OPENED = tuple(name for name in definitions(OpenOptions) if name != "grid")
 # What options of fields can be.
 _ABOVE_0 = ("w0", "falloff", "radius", "min_scale", "spacing", "neighbors", "support", "shape")
@@ -51,6 +57,7 @@ _WORDS = {
     "normalization": ("none", "lattice", "threshold"),
     "lattice": ("cartesian", "bcc"),
     "nan": ("error", "skip"),
+    "boundary": BOUNDARIES,
     "fit": FITS,
 }
 _KINDS: dict[str, tuple[type[Field], tuple[str, ...]]] = {
@@ -111,6 +118,9 @@ class FieldRecipe:
         # Data in bricks are made again of the same file in memory.
         kind = "RegularField" if isinstance(field, RegularField) else "EllipsoidField"
         options = {name: getattr(field, name) for name in _KINDS[kind][1]}
+        if isinstance(field, RegularField):
+            # One that was not given is found again in the same data.
+            options["base"] = field.given_base
         ghosts = field.ghost_options if isinstance(field, EllipsoidField) else None
         return cls(kind, options, dict(field.opened), field.quantity, ghosts, field.trim)
 
@@ -120,7 +130,12 @@ class FieldRecipe:
             return field
         known = {**self.opened, **self.options}
         changes = {name: known[name] for name in _KERNELS if known.get(name) is not None}
-        same = all(getattr(field, name) == value for name, value in changes.items())
+        if field.boundary == "edge" and known.get("boundary") is not None:
+            changes["boundary"] = known["boundary"]
+        if field.given_base is None and known.get("base") is not None:
+            changes["base"] = known["base"]
+        now = {name: field.given_base if name == "base" else getattr(field, name) for name in changes}
+        same = now == changes
         return field.as_settled() if same else field.replace(**changes)
 
     def _trimmed(self, path: str | os.PathLike[str], field: Field) -> Field:
@@ -417,10 +432,18 @@ def _scene_options(value: Any) -> dict[str, Any]:
 
 
 def _fields(value: Any) -> tuple[FieldRecipe, ...]:
-    found = tuple(map(field_recipe_of, _list("fields", value, _MOST_FIELDS)))
+    found = tuple(field_recipe_of(_of_today(one)) for one in _list("fields", value, _MOST_FIELDS))
     if not found:
         raise _damaged("fields: none", "at least one")
     return found
+
+
+def _of_today(field: Any) -> Any:
+    """Return what a picture says about a field with the options that fields did not have when it was made."""
+    if not isinstance(field, dict) or not isinstance(field.get("options"), dict) or field.get("kind") != "RegularField":
+        return field
+    options = field["options"]
+    return field if "boundary" in options else {**field, "options": {**_BEFORE, **options}}
 
 
 def field_recipe_of(value: Any) -> FieldRecipe:
@@ -480,6 +503,8 @@ def _usable(key: str, given: dict[str, Any]) -> dict[str, Any]:
         usable, wanted = True, ""
         if name in _ABOVE_0:
             usable, wanted = value is None or all(_is_number(part) and part > 0 for part in parts), "above 0"
+        elif name == "base":
+            usable, wanted = value is None or _is_number(value), "a finite number"
         elif name in _WORDS:
             usable, wanted = value is None or value in _WORDS[name], "one of: " + ", ".join(_WORDS[name])
         if not usable:

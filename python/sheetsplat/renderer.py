@@ -20,7 +20,7 @@ from sheetsplat.fields import any_in_bricks
 from sheetsplat.image import ErrorEstimate, Image
 from sheetsplat.limits import Depths, checked_depths
 from sheetsplat.look import empty
-from sheetsplat.notices import is_muted, warn
+from sheetsplat.notices import is_muted, muted, warn
 from sheetsplat.options.core import checked, definitions, documented, filled
 from sheetsplat.options.renderer import (
     OUTPUTS,
@@ -32,10 +32,11 @@ from sheetsplat.options.renderer import (
     check_backend,
 )
 from sheetsplat.plan import RenderPlan
+from sheetsplat.quality.lost import keeping, warn_of_lost, with_lost
 from sheetsplat.quality.thin import LEAST_UNMET, may_be_flat, unmet_kernels
 from sheetsplat.recipe import Recipe
 from sheetsplat.scene import Scene
-from sheetsplat.supersampling import counting_samples, fine_depths, fine_size
+from sheetsplat.supersampling import averaged, counting_samples, fine_depths, fine_size
 
 _log = logging.getLogger("sheetsplat")
 
@@ -401,7 +402,14 @@ class Renderer:
         def estimate(progress: Progress | None) -> ErrorEstimate:
             drawn = self.native.render(**view.native(), progress=progress) if kept is None else kept
             found = self.native.estimate_error(drawn, view.native_scene, camera.native, progress=progress)
-            return ErrorEstimate.of_native(found, view.samples)
+            estimated = ErrorEstimate.of_native(found, view.samples)
+            better = keeping(view.scene, camera, view.size)
+            if better is None:
+                return estimated
+            other = view._replace(scene=better)
+            with muted():
+                whole = averaged(self.native.render(**other.native(), progress=progress), other.samples)
+            return with_lost(estimated, averaged(drawn, view.samples).scalar, whole.scalar)
 
         image = Image(native, self._recipe(native, view), estimate, scene, view.depth_limit)
         width, height = image.size
@@ -421,6 +429,7 @@ class Renderer:
         if image.stats.get("stage") == image.stats.get("stages"):
             empty.warn_of_unseen(image, scene)
             self._warn_of_unmet(image, scene)
+            warn_of_lost(scene, camera, view.size)
             self._warn_of_light(image)
         if _log.isEnabledFor(logging.DEBUG):
             _log.debug("plan\n%s", plan)

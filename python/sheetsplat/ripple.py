@@ -19,6 +19,7 @@ from sheetsplat import _sheetsplat
 from sheetsplat._checks import choice, number, truth
 from sheetsplat.errors import complain, option_ref, unusable
 from sheetsplat.fields import Lattice, Normalization
+from sheetsplat.fields.ending import lattice_constant, unit_radius
 
 Floats = NDArray[np.float64]
 
@@ -47,22 +48,6 @@ class Ripple:
     rms: float
     slope: float
     ramp: float
-
-
-def unit_radius(radius: float, lattice: Lattice) -> float:
-    """Return a support's radius in the unit in which all samples lie at whole numbers: for BCC a/2."""
-    return radius * math.sqrt(2.0) if lattice == "bcc" else radius
-
-
-def lattice_constant(radius: float, falloff: float, lattice: Lattice = "cartesian") -> float:
-    """Return C, the mean sum of weights: the kernel's integral over a sample's volume. Conventions, section 2."""
-    edge = math.exp(-falloff)
-    bell = math.sqrt(math.pi) * math.erf(math.sqrt(falloff)) / (4.0 * math.pow(falloff, 1.5))
-    squares = bell - edge / (2.0 * falloff)
-    ball = 4.0 * math.pi * (squares - edge / 3.0) / (1.0 - edge)
-    # In units of a/2 a sample of a BCC lattice stands for half of 2^3.
-    size = unit_radius(radius, lattice)
-    return ball * size * size * size / (4.0 if lattice == "bcc" else 1.0)
 
 
 def lattice_ripple(

@@ -25,14 +25,16 @@ _DECADES = 6.0
 class ScalarColors:
     """How the numbers of a scalar picture become colours: a colormap over limits. Conventions, section 7 (Modes).
 
+    Where there is no number (NaN), as outside of the data, the picture is transparent.
+
     Parameters
     ----------
     cmap
         As for `TransferFunction.from_colormap`; kept as a name, or as a tuple of rows r, g, b, opacity.
     clim
-        The two numbers at which the colormap begins and ends; by the picture unless given: from its smallest number or
-        0, whichever is lower, to its largest or 0, without outliers: at most 1/200 of the numbers on a side, a hundred
-        times as far away as the others.
+        The two numbers at which the colormap begins and ends; by the picture unless given: from its smallest number to
+        its largest, and to 0 where that is nearer to them than they are wide or the mode is "xray", without outliers:
+        at most 1/200 of the numbers on a side, a hundred times as far away as the others.
     log
         Spread the colours over the logarithm. Numbers of 0 and below have the first colour. Unless given, `clim` then
         goes from the first percentile of the positive numbers to the largest, over six decades at most.
@@ -74,20 +76,23 @@ class ScalarColors:
         ramp = np.linspace(0.0, 1.0, len(rows))[:, None]
         return bool((rows[:, 3] == 1).all() and np.abs(rows[:, :3] - ramp).max() < 1e-6)
 
-    def limits(self, scalar: NDArray[np.float32]) -> tuple[float, float]:
-        """Return `clim`, or the limits that the numbers of a picture give."""
+    def limits(self, scalar: NDArray[np.float32], *, from_zero: bool = False) -> tuple[float, float]:
+        """Return `clim`, or the limits that the numbers of a picture give; `from_zero`: with 0 among them."""
         if self.clim is not None:
             return float(self.clim[0]), float(self.clim[1])
         known = scalar[np.isfinite(scalar)]
         if not self.log:
-            low, high = float(known.min(initial=0.0)), float(known.max(initial=0.0))
-            if not low < high:
+            if not known.any():
                 return 0.0, 1.0
+            low, high = float(known.min()), float(known.max())
             first, last = np.percentile(known[known != 0], (_OUTLIERS, 100.0 - _OUTLIERS)).tolist()
-            width = max(last, 0.0) - min(first, 0.0)
+            width = last - first or high - low
+            if from_zero or not width or low <= 0.0 <= high or min(abs(first), abs(last)) <= width:
+                low, high, first, last = min(low, 0.0), max(high, 0.0), min(first, 0.0), max(last, 0.0)
+            width = last - first
             if width > 0.0:
-                low = min(first, 0.0) if min(first, 0.0) - low > _APART * width else low
-                high = max(last, 0.0) if high - max(last, 0.0) > _APART * width else high
+                low = first if first - low > _APART * width else low
+                high = last if high - last > _APART * width else high
             return low, high
         known = known[known > 0]
         if not known.size:
@@ -106,8 +111,10 @@ class ScalarColors:
         return np.clip(raised / (math.log(high) - math.log(low)), 0.0, 1.0)
 
     def colors(self, scalar: NDArray[np.float32], limits: tuple[float, float]) -> NDArray[np.float64]:
-        """Return straight r, g, b, opacity of numbers, one more axis of 4."""
+        """Return straight r, g, b, opacity of numbers, one more axis of 4; all 0 for NaN."""
         rows = self.table
         at = np.linspace(0.0, 1.0, len(rows))
         shares = self.shares(scalar, limits)
-        return np.stack([np.interp(shares, at, column) for column in rows.T], axis=-1)
+        found = np.stack([np.interp(shares, at, column) for column in rows.T], axis=-1)
+        found[np.isnan(scalar)] = 0.0
+        return found

@@ -66,7 +66,7 @@ def averaged(picture: Any, samples: int) -> Any:
         return picture
     return Arrays(
         mean(picture.rgba, samples),
-        mean(picture.scalar, samples),
+        _over_pixels(picture.scalar, samples, np.add, samples * samples, numbers=True),
         mean(picture.coverage, samples),
         _over_pixels(picture.depth, samples, np.minimum),
     )
@@ -78,8 +78,9 @@ def mean(fine: NDArray[Any] | None, samples: int) -> Floats | None:
 
 
 def _over_pixels(
-    fine: NDArray[Any] | None, samples: int, combine: Callable[..., Any], divisor: int = 1
+    fine: NDArray[Any] | None, samples: int, combine: Callable[..., Any], divisor: int = 1, *, numbers: bool = False
 ) -> Floats | None:
+    """Return what the samples of each pixel become; `numbers`: the mean of those that are, NaN where none is."""
     if fine is None:
         return None
     height, width = fine.shape[0] // samples, fine.shape[1] // samples
@@ -88,10 +89,19 @@ def _over_pixels(
     rows = max(1, _AT_ONCE // max(1, made[0].size))
     for start in range(0, height, rows):
         part = fine[start * samples : (start + rows) * samples]
+        there = ~np.isnan(part) if numbers else None
+        count: Any = divisor
+        if there is not None and not there.all():
+            part = np.where(there, part, np.float32(0.0))
+            count = sum(
+                there[place // samples :: samples, place % samples :: samples].astype(np.int64)
+                for place in range(samples * samples)
+            )
         found = part[::samples, ::samples].astype(np.float64)
         for place in range(1, samples * samples):
             combine(found, part[place // samples :: samples, place % samples :: samples], out=found)
-        made[start : start + rows] = found / divisor
+        with np.errstate(invalid="ignore"):
+            made[start : start + rows] = found / count
     return made
 
 

@@ -170,14 +170,14 @@ def _shading(options: Options) -> Iterator[Row]:
 
 
 def _shells(count: int, normalization: Any = "threshold") -> ss.RegularField:
-    """Return a ball in [-1, 1]^3 whose values rise to the middle, with waves on them."""
+    """Return a ball in [-1, 1]^3 whose values rise to the middle, with waves on them; 0 outside, as in the papers."""
     spacing = 2.0 / count
     x = spacing * (np.arange(count) + 0.5) - 1.0
     radius = np.sqrt(x**2 + x[:, None] ** 2 + x[:, None, None] ** 2)
     waves = np.cos(9.0 * x) * np.cos(8.0 * x[:, None]) * np.cos(7.0 * x[:, None, None])
     values = np.clip(1.2 - radius + 0.06 * waves, 0.0, 1.0).astype(np.float32)
     place: dict[str, Any] = {"spacing": (spacing,) * 3, "origin": (float(x[0]),) * 3}
-    return ss.RegularField(values, normalization=normalization, **place)
+    return ss.RegularField(values, normalization=normalization, boundary="zero", **place)
 
 
 def _shell_scene(field: ss.RegularField, length: float) -> ss.Scene:

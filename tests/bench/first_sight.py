@@ -1,4 +1,4 @@
-"""Every set of the data folder in one line: time, error, and how it fills the picture, beside PyVista's default."""
+"""Every measured set and kind of data in one line: time, error, how it fills the picture, beside PyVista's default."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from typing import Any
 import numpy as np
 
 import sheetsplat as ss
+from bench.kinds import KINDS, Kind, off_interpolation
 from bench.measure import clock, data_file, in_new_process, measured_rows
 from bench.pictures import file_name, keep, make_labelled_sheet
 from bench.pyvista_default import draw, is_installed
 from bench.report import Options, Report, Row, columns
+from sheetsplat.api import prepare
 from sheetsplat.options.quality import QUALITIES
 
 # A pixel shows something where its opacity is above this.
@@ -65,8 +67,11 @@ SETS: Mapping[str, _Set] = {
     "bunny": _Set("mesh_bunny.ply.gz", "a bunny"),
 }
 
-#: Names of the sets that can be shown alone.
-ROWS = tuple(SETS)
+#: Names of the sets and kinds that can be shown alone.
+ROWS = (*SETS, *KINDS)
+
+# Samples along an edge of generated data.
+_EDGE = 64
 
 
 def _seen(picture: ss.Image) -> Row:
@@ -95,20 +100,52 @@ def _row(options: Options, name: str, one: _Set) -> Row:
     return row | _beside(options, name, one)
 
 
+def _kind_row(options: Options, name: str, one: Kind) -> Row:
+    """Show a kind of data in each quality, a time series by its last step; its command line is in the row."""
+    edge = options.edge(_EDGE)
+    steps = [one.make(edge, step) for step in range(one.steps)] if one.steps > 1 else [one.make(edge)]
+    row: Row = {"subject": one.subject, "line": one.line(name), "command": one.command(name)}
+    for quality in QUALITIES:
+        options.say(f"{name}: {quality}")
+        settings: Any = {"size": options.size, "backend": options.backend, "quality": quality, **one.options}
+
+        def show(settings: Any = settings) -> ss.Image:
+            return ss.animate(steps, **settings)[one.steps - 1] if one.steps > 1 else ss.render(steps[0], **settings)
+
+        picture, wall, _ = clock(show)
+        keep(options, picture, "first_sight", name, quality)
+        row[f"{quality}_s"] = wall
+        row[f"{quality}_error"] = picture.error.rmse
+        if quality == "good":
+            row |= _seen(picture)
+            row["low"], row["high"] = picture.clim
+    plain: Any = prepare(steps[-1], quality="good", log=False, size=8, **one.options).scene.fields[0]
+    row["off"] = off_interpolation(steps[-1], plain)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / f"{name}.npy"
+        np.save(path, steps[-1])
+        return row | _by_pyvista(options, name, path, None)
+
+
 def _beside(options: Options, name: str, one: _Set) -> Row:
-    """Show a set by PyVista, in a process of its own."""
+    """Show a set by PyVista."""
+    grid = None if one.grid is None else data_file(options, one.grid)
+    return _by_pyvista(options, name, data_file(options, one.file), grid)
+
+
+def _by_pyvista(options: Options, name: str, path: Path, grid: Path | None) -> Row:
+    """Show a file by PyVista, in a process of its own."""
     if not is_installed():
         return {"pyvista": "not installed"}
     options.say(f"{name}: PyVista")
-    grid = None if one.grid is None else str(data_file(options, one.grid))
     with TemporaryDirectory() as folder:
         picture = (options.pictures or Path(folder)) / file_name("first_sight", name, "pyvista")
         picture.parent.mkdir(parents=True, exist_ok=True)
         try:
             found = in_new_process(
                 draw,
-                path=str(data_file(options, one.file)),
-                grid=grid,
+                path=str(path),
+                grid=None if grid is None else str(grid),
                 size=list(options.size),
                 output=str(picture.resolve()),
             )
@@ -118,49 +155,54 @@ def _beside(options: Options, name: str, one: _Set) -> Row:
 
 
 def run(options: Options) -> Report:
-    """Show the sets that are wanted."""
+    """Show the sets and kinds that are wanted."""
     rows = measured_rows(options, SETS, partial(_row, options))
+    rows += measured_rows(options, KINDS, partial(_kind_row, options))
     report = Report(
         name="first_sight",
-        title=f"Every set in one line, {options.size[0]}x{options.size[1]}",
+        title=f"Every set and kind of data in one line, {options.size[0]}x{options.size[1]}",
         columns=columns(
             "row=set, subject=what is seen, "
             + ", ".join(f"{quality}_s={quality}: s, {quality}_error=error" for quality in QUALITIES)
-            + ", shown, filled, pyvista=PyVista: s, remark"
+            + ", shown, filled, low, high, off, pyvista=PyVista: s, remark"
         ),
         rows=rows,
         notes=[
             "s: seconds of ss.render(path, quality=...) in the same process, reading included. error: rmse of "
             "image.error. shown: share of the pixels whose opacity is above a tenth; filled: their box's longer side "
             "over the picture's shorter side; both of the quality good.",
+            f"Kinds of data are generated, {_EDGE} samples along an edge. low, high: limits of the colours. off: rmse "
+            "between the field of the quality good and the cubic spline through its samples at 10,000 random places, "
+            "as a share of the samples' range.",
             "PyVista: its reader, then add_volume for images and add_mesh for all else, without options, in a new "
             "process; seconds from before the reader to the screenshot. Gzipped files are decompressed before.",
         ],
     )
-    make_labelled_sheet(
-        options,
-        "first_sight",
-        [(name, [("first_sight", name, "good"), ("first_sight", name, "pyvista")]) for name in SETS],
-    )
+    for sheet, names in (("first_sight", SETS), ("kinds_of_data", KINDS)):
+        pictures = [(name, [("first_sight", name, which) for which in ("good", "pyvista")]) for name in names]
+        make_labelled_sheet(options, sheet, pictures)
     _write_page(options, report)
     return report
 
 
 def _write_page(options: Options, report: Report) -> None:
-    """Write a page of the pictures, one set a line, beside them."""
+    """Write a page of the pictures, one set or kind a line, beside them."""
     if options.pictures is None:
         return
     columns = (*QUALITIES, "pyvista")
     lines = []
     for row in report.rows:
-        cells = [f"<td><b>{html.escape(row['row'])}</b><br>{html.escape(SETS[row['row']].subject)}</td>"]
+        name = row["row"]
+        told = [(SETS.get(name) or KINDS[name]).subject]
+        told += [KINDS[name].line(name), KINDS[name].command(name)] if name in KINDS else []
+        cells = [f"<td><b>{html.escape(name)}</b><br>{'<br>'.join(map(html.escape, told))}</td>"]
         for quality in columns:
             file = file_name("first_sight", row["row"], quality)
             found = (options.pictures / file).is_file()
             seconds, error = row.get(f"{quality}_s", row.get(quality)), row.get(f"{quality}_error")
-            told = f"{seconds:.2f} s" if isinstance(seconds, float) else str(seconds or row.get("remark", ""))
-            told += f", error {error:.1e}" if error is not None else ""
-            cells.append(f"<td>{f'<img src={file!r}>' if found else ''}<br>{html.escape(told)}</td>")
+            figures = f"{seconds:.2f} s" if isinstance(seconds, float) else str(seconds or row.get("remark", ""))
+            figures += f", error {error:.1e}" if error is not None else ""
+            cells.append(f"<td>{f'<img src={file!r}>' if found else ''}<br>{html.escape(figures)}</td>")
         lines.append("<tr>" + "".join(cells) + "</tr>")
     head = "".join(f"<th>{name}</th>" for name in ("", *columns))
     title = html.escape(report.title)

@@ -12,6 +12,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
+
 
 def is_installed() -> bool:
     """Return whether the package pyvista is there."""
@@ -32,7 +34,11 @@ def draw(path: str, grid: str | None, size: list[int], output: str) -> dict[str,
             return {"reason": "no reader"}
         points = None if grid is None else _plain(Path(grid), Path(folder))
         began = time.perf_counter()
-        if points is None:
+        if plain.suffix == ".npy":
+            values = np.load(plain)
+            mesh = pyvista.ImageData(dimensions=values.shape[::-1])
+            mesh["values"] = (values.astype(np.uint8) if values.dtype == bool else values).ravel()
+        elif points is None:
             mesh = pyvista.read(plain)
         else:
             reader = pyvista.MultiBlockPlot3DReader(points)

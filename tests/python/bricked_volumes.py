@@ -22,7 +22,9 @@ def blob(shape=SHAPE, kind=np.uint8):
 
 
 def rmse(one, other):
-    return float(np.sqrt(np.mean((one.pixels.astype(np.float64) - other.pixels) ** 2)))
+    """Return the root mean square difference of two pictures whose pixels are NaN at the same places."""
+    np.testing.assert_array_equal(np.isnan(one.pixels), np.isnan(other.pixels))
+    return float(np.sqrt(np.nanmean((one.pixels.astype(np.float64) - other.pixels) ** 2)))
 
 
 def stored(kind, samples, folder):

@@ -122,8 +122,11 @@ def differences(found: Finished, wanted: Finished) -> dict[str, float]:
     """Return the root mean square differences of everything that a picture has."""
     result = {}
     if wanted.scalar is not None:
-        scale = max(1.0, float(np.abs(wanted.scalar).max()))
-        result["scalar"] = float(np.sqrt(np.mean(((found.scalar - wanted.scalar) / scale) ** 2)))
+        there = ~np.isnan(wanted.scalar)
+        assert (there == ~np.isnan(found.scalar)).all()
+        scale = max(1.0, float(np.abs(wanted.scalar[there]).max(initial=0.0)))
+        apart = np.where(there, found.scalar - np.nan_to_num(wanted.scalar), 0.0) / scale
+        result["scalar"] = float(np.sqrt(np.mean(apart**2)))
     else:
         result["rgba"] = float(np.sqrt(np.mean((found.rgba.astype(float) - wanted.rgba) ** 2)))
     if wanted.coverage is not None:

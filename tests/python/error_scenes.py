@@ -156,8 +156,11 @@ def measured_cases(folder: Path, reduced: int = 2) -> list[Case]:
 
 
 def rmse(picture: ss.Image, reference: ss.Image) -> float:
-    """Return the root mean square difference; scalars are divided by max(1, largest of the reference)."""
-    a, b = np.asarray(picture.pixels, np.float64), np.asarray(reference.pixels, np.float64)
+    """Return the root mean square difference; scalars are divided by max(1, largest of the reference).
+
+    NaN, where no slice counts, is taken as 0.
+    """
+    a, b = (np.nan_to_num(np.asarray(one.pixels, np.float64)) for one in (picture, reference))
     scale = max(1.0, float(b.max())) if b.ndim == 2 else 1.0
     return float(np.sqrt(np.mean(((a - b) / scale) ** 2)))
 

@@ -175,6 +175,7 @@ def test_the_unit_of_length_does_not_matter(unit: float, sampling: str) -> None:
         "values": np.random.default_rng(1).random((5, 6, 7)),
         "origin": (-unit,) * 3,
         "spacing": (0.4 * unit,) * 3,
+        "boundary": "zero",
     }
     for distance in (4 * unit, 0.3 * unit):
         scene = parts(field, scene_parts.central(distance=distance), sampling=sampling, slice_spacing=unit / 6)
@@ -516,7 +517,8 @@ def test_frames_do_not_depend_on_those_before(seed: int) -> None:
 
 @pytest.mark.parametrize(
     "options",
-    [{"precision": "float16"}, {"precision": "uint8"}, {"tagging": "depth_equal"}, {"packing": "paper"}]
+    [{"precision": name, "allow_inexact": True} for name in ("float16", "uint8")]
+    + [{"tagging": "depth_equal"}, {"packing": "paper"}]
     + [{"effects": {name: True}} for name in ("paper_slicing", "fine_gradient", "compensation", "opacity_buffer")],
     ids=str,
 )

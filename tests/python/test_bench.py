@@ -202,6 +202,16 @@ def test_every_set_is_shown_or_skipped(tmp_path: Path, monkeypatch: pytest.Monke
     assert "src='first_sight-nucleon-good.png'" in page and "skipped: fire_ug.vtu.gz" in page
 
 
+def test_every_kind_of_data_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("bench.first_sight.is_installed", lambda: False)
+    options = _options(tmp_path, backend="cpu", rows=("ocean", "drifting"), pictures=tmp_path / "pictures")
+    ocean, drifting = BENCHES["first_sight"].run(options).rows
+    assert ocean["line"] == 'ss.render(ocean, nan="skip")' and ocean["low"] == -ocean["high"]
+    assert math.isnan(ocean["off"]) and drifting["off"] < 0.005 and drifting["shown"] < 0.3
+    page = (tmp_path / "pictures" / "first_sight.html").read_text(encoding="utf-8")
+    assert "sheetsplat render ocean.npy --nan skip" in page and (tmp_path / "pictures" / "kinds_of_data.jpg").is_file()
+
+
 def test_pyvista_shows_a_volume(tmp_path: Path) -> None:
     import nrrd
 

@@ -168,7 +168,8 @@ def test_protocol_5_hands_over_buffers(name):
     assert len(head) < 2000 and sum(buffer.raw().nbytes for buffer in buffers) >= sum(one.nbytes for one in arrays)
     # The buffers are the field's own memory, not copies.
     owned = [np.frombuffer(buffer.raw(), np.uint8) for buffer in buffers]
-    assert all(any(np.shares_memory(part, one) for part in owned) for one in arrays)
+    # (Rows with gaps between them are copied.)
+    assert all(not one.flags.c_contiguous or any(np.shares_memory(part, one) for part in owned) for one in arrays)
     assert pickle.loads(head, buffers=buffers) == field
     assert pickle.loads(head, buffers=[bytes(buffer.raw()) for buffer in buffers]) == field
 

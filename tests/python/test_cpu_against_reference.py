@@ -78,7 +78,7 @@ def test_second_order_leaves_out_what_no_cubic_can_show(projection):
     values[5:7, 6:9, 5:8] = 1.0
     values[10:12, 3:6, 8:11] = -1.0
     function = ss.TransferFunction([(0.8, 1, 0.5, 0, 0), (0.9, 1, 0.5, 0, 0.6), (2, 0, 1, 0, 0.6)])
-    scene = ss.Scene([ss.RegularField(values)], function, preintegration="second_order")
+    scene = ss.Scene([ss.RegularField(values, boundary="zero")], function, preintegration="second_order")
     camera = ss.Camera.fit(scene, direction=(0.3, -0.2, -1), kind=projection)
     expected = ss.Renderer("reference").render(scene, camera, size=(40, 40))
     image = ss.Renderer("cpu").render(scene, camera, size=(40, 40))

@@ -67,8 +67,8 @@ def block(around: str) -> ss.RegularField:
     """Return a block of ones that ends in nothing, or in samples of 0 on all sides."""
     ones = np.ones((6, 6, 6), np.float32)
     if around == "nothing":
-        return ss.RegularField(ones, origin=(5.0, 5.0, 5.0))
-    return ss.RegularField(np.pad(ones, 4), origin=(1.0, 1.0, 1.0))
+        return ss.RegularField(ones, origin=(5.0, 5.0, 5.0), boundary="zero")
+    return ss.RegularField(np.pad(ones, 4), origin=(1.0, 1.0, 1.0), boundary="zero")
 
 
 @pytest.mark.parametrize("order", [True, "second_order"])

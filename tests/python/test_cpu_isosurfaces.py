@@ -35,7 +35,11 @@ def test_many_surfaces(count, kind, precision):
     rng = np.random.default_rng(7)
     surfaces = [(float(value), float(rng.uniform(0.02, 0.3))) for value in values_of(kind, count)]
     scene = ss.Scene(
-        ss.RegularField(waves()), COLORS, mode="isosurface", iso_value=surfaces, lights=[ss.Light((0.3, 0.5, 1.0))]
+        ss.RegularField(waves(), boundary="zero"),
+        COLORS,
+        mode="isosurface",
+        iso_value=surfaces,
+        lights=[ss.Light((0.3, 0.5, 1.0))],
     )
     camera = ss.Camera.fit(scene, direction=(0.4, 0.7, -1.0))
     image = ss.Renderer("cpu", precision=precision, threads=1).render(scene, camera, size=SIZE)
@@ -58,7 +62,7 @@ def test_many_surfaces(count, kind, precision):
 
 def test_opaque_surfaces_show_the_first_one():
     """Of opaque ones the rest is hidden: those that a ray meets first decide."""
-    field = ss.RegularField(waves())
+    field = ss.RegularField(waves(), boundary="zero")
     values = [float(value) for value in values_of("even", 40)]
     scene = ss.Scene(field, COLORS, mode="isosurface", iso_value=[(value, 1.0) for value in values])
     camera = ss.Camera.fit(scene, direction=(0.4, 0.7, -1.0), kind="perspective")

@@ -39,7 +39,7 @@ def shots(scene, camera, **options):
     """The processor's picture, the same for any number of threads, and the reference's."""
     image = ss.Renderer("cpu", threads=1, **options).render(scene, camera, size=SIZE)
     again = ss.Renderer("cpu", threads=3, **options).render(scene, camera, size=SIZE)
-    assert np.array_equal(again.scalar, image.scalar)
+    assert np.array_equal(again.scalar, image.scalar, equal_nan=True)
     return image, ss.Renderer("reference").render(scene, camera, size=SIZE).scalar
 
 
@@ -77,7 +77,7 @@ def test_slices_count_where_samples_of_any_value_reach(mode, lattice, kind, dire
     for rays in (False, True) if mode == "minimum" else (False,):
         image, expected = shots(scene, camera, effects={"ray_extremes": rays})
         assert ("points_looked_up" in image.stats) == (rays and lattice != "bcc")
-        assert np.abs(expected).max() > 0.01
+        assert np.nanmax(np.abs(expected)) > 0.01
         jumps = moved(make, expected, camera)
         text = f"cpu {mode} of {lattice} {kind} {direction}, rays {rays}"
         assert_close(image.scalar, expected, FLOAT32_HARD, text, jumps)
@@ -99,14 +99,15 @@ def test_slices_count_in_lattices_of_few_pixels(lattice, shape):
     for spacing in (0.15, 0.9):
 
         def make(factor, spacing=spacing):
-            field = ss.RegularField(values, **{**options, "radius": radius * factor})
+            # Slices may be farther apart than a layer is thick.
+            field = ss.RegularField(values, **{**options, "radius": radius * factor, "boundary": "zero"})
             return ss.Scene(field, GRAY, mode="average", slice_spacing=spacing)
 
         for turn in range(3):
             scene = make(1.0)
             camera = view(scene, "orthographic", tuple(rng.normal(size=3)), zoom=0.25 if turn else 1.0)
             image, expected = shots(scene, camera)
-            assert np.abs(expected).max() > 0.01
+            assert np.nanmax(np.abs(expected)) > 0.01
             jumps = moved(make, expected, camera)
             assert_close(image.scalar, expected, FLOAT32_HARD, f"{lattice} {shape} {spacing} {turn}", jumps)
 
@@ -227,12 +228,13 @@ def extremes(scene, camera, precision="float32", **options):
 @pytest.mark.parametrize("options", [{}, {"radius": 3.0, "falloff": 8.0}, {"spacing": (1.0, 0.4, 2.2)}], ids=str)
 @pytest.mark.parametrize("mode", ["mip", "minimum"])
 def test_extremes(mode, options, what, kind):
-    field = ss.RegularField(hostile(what), **options, **({"nan": "skip"} if what == "holes" else {}))
+    # Without mirrored samples, so that kernels can be counted.
+    field = ss.RegularField(hostile(what), boundary="zero", **options, **({"nan": "skip"} if what == "holes" else {}))
     scene = ss.Scene(field, GRAY, mode=mode, slice_spacing=0.6)
     camera = view(scene, kind, (0.4, 0.7, -1.0))
     image, expected = shots(scene, camera, **BY_RAYS)
     text = f"cpu {mode} {what} {kind} {options}"
-    if (mode, what) == ("minimum", "holes"):
+    if what == "holes":
         # Samples that are missing leave slices out: weights are summed.
         assert "points_looked_up" not in image.stats
         return
@@ -244,9 +246,10 @@ def test_extremes(mode, options, what, kind):
     assert image.stats["kernels_drawn"] == np.count_nonzero(np.nan_to_num(hostile(what)))
     # Each pixel's number is its own, whatever tile it lies in and whichever rays were looked at before.
     for tile in (7, 40):
-        assert np.array_equal(extremes(scene, camera, tile_size=tile).scalar, image.scalar)
+        assert np.array_equal(extremes(scene, camera, tile_size=tile).scalar, image.scalar, equal_nan=True)
     if (mode, what) == ("mip", "negative"):
-        assert not image.scalar.any() and image.stats["points_looked_up"] == 0
+        # The largest of numbers below 0.
+        assert np.nanmax(image.scalar) <= 0.0
     elif mode == "mip" or "negative" in what or what == "noise":
         # A negative control: other slices have other extremes. (The least of what is above 0 lies where kernels end.)
         moved = scene.replace(slice_spacing=0.57)
@@ -268,7 +271,7 @@ def test_extremes_of_all_samples_and_kernels(mode, dtype, radius):
             image = extremes(scene, camera, precision)
             assert "points_looked_up" in image.stats
             assert_close(image.scalar, expected, FLOAT32, f"cpu {mode} {dtype} radius {radius} {precision} {kind}")
-            assert np.array_equal(extremes(scene, camera, precision, tile_size=9).scalar, image.scalar)
+            assert np.array_equal(extremes(scene, camera, precision, tile_size=9).scalar, image.scalar, equal_nan=True)
 
 
 def test_minima_end_where_nothing_is_smaller():
@@ -353,7 +356,8 @@ def test_extremes_of_what_is_kept(mode, kind):
                 pictures.append(image.scalar)
                 tiled = ss.Renderer("cpu", effects={"ray_extremes": effects}, tile_size=9)
                 # (Sums are rounded by the corners of tiles.)
-                same = np.array_equal(tiled.render(scene, camera, size=SIZE, **asked).scalar, image.scalar)
+                again = tiled.render(scene, camera, size=SIZE, **asked).scalar
+                same = np.array_equal(again, image.scalar, equal_nan=True)
                 assert same or not effects
             assert_close(pictures[1], pictures[0], FLOAT32, text)
             assert_close(pictures[1], pictures[2], (2e-6, 2e-5), text + " beside sheets")

@@ -151,3 +151,15 @@ def test_small_dense_kernels_set_the_slices_of_pictures_of_numbers(rng, mode):
     # Kernels of one size keep the default.
     even = ss.EllipsoidField(halo, 20.0, values=rng.random(900))
     assert ss.render(even, **look).plan.slice_spacing == even.default_slice_spacing
+
+
+def test_the_logarithm_of_an_array_is_drawn(rng):
+    values = 10.0 ** rng.uniform(-2, 3, (9, 8, 7))
+    image = ss.render(values, log=True, size=(16, 12))
+    (made,) = image.recipe.fields
+    assert made.quantity.floor == values.min() and made.opened["log"] == values.min()
+    assert ss.render(values, log=0.5, size=(16, 12)).recipe.fields[0].quantity.floor == 0.5
+    values[2, 3, 4] = np.nan
+    assert ss.render(values, log=True, nan="skip", size=(16, 12)).rgba.any()
+    with pytest.raises(ss.InvalidInput, match="not above 0"):
+        ss.render(values - 1.0, log=True, nan="skip", size=(16, 12))

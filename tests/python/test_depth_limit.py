@@ -95,7 +95,8 @@ def test_a_plane_across_the_view_is_a_clip(way: str) -> None:
             limited = drawn(case, depth, backend)
             clipped = drawn(case.with_(clip=clip), None, backend)
             # (The planes' places are rounded.)
-            assert np.array_equal(limited.pixels, clipped.pixels) and np.array_equal(limited.coverage, clipped.coverage)
+            assert np.array_equal(limited.pixels, clipped.pixels, equal_nan=True)
+            assert np.array_equal(limited.coverage, clipped.coverage)
             nearer = drawn(case, depth - plan.slice_spacing, backend)
             assert not np.array_equal(limited.pixels, nearer.pixels), "a plane a slice distance off must be seen"
 
@@ -112,7 +113,7 @@ def test_each_pixel_is_that_of_a_picture_with_its_depth_everywhere(way: str) -> 
         for number, depth in enumerate(levels):
             whole = drawn(case, depth)
             there = which == number
-            assert np.array_equal(mixed.pixels[there], whole.pixels[there])
+            assert np.array_equal(mixed.pixels[there], whole.pixels[there], equal_nan=True)
             assert np.array_equal(mixed.coverage[there], whole.coverage[there])
         assert not np.array_equal(mixed.pixels, whole.pixels)
 
@@ -163,9 +164,9 @@ def test_groups_with_transfer_functions_of_their_own(backend: str) -> None:
     for options in ({}, {"preintegration": True}, {"mode": "isosurface", "iso_value": ((0.3, 0.5), (0.6, 1.0))}):
         case = Case("cartesian", lit=True).with_(**options)
         scene, camera = make(case)
-        block = ss.RegularField(np.ones((5, 5, 5), np.float32), spacing=(0.3, 0.3, 0.3))
+        block = ss.RegularField(np.ones((5, 5, 5), np.float32), spacing=(0.3, 0.3, 0.3), boundary="zero")
         both = ss.Scene(
-            [[scene.fields[0]], [block]],
+            [[scene.fields[0].replace(boundary="zero")], [block]],
             [scene.transfer_function, ss.TransferFunction([(0, 1, 0, 0, 0), (1, 0, 1, 0, 0.3)])],
             lights=scene.options["lights"],
             slice_spacing=SPACING,
@@ -311,7 +312,7 @@ def test_light_passes_behind_the_surface() -> None:
     """What a surface hides still casts shadows: a depth limit is one of the camera's rays, not of the light's."""
     values = np.zeros((24, 24, 24), np.float32)
     values[:, :, :] = 1.0
-    field = ss.RegularField(values)
+    field = ss.RegularField(values, boundary="zero")
     scene = ss.Scene(
         field, [(0, 1, 1, 1, 0), (0.5, 1, 1, 1, 0.3)], lights=[ss.Light((0, 0, -1))], shadows=True, opacity_stop=1.0,
         material=ss.Material(0.1, 0.9, two_sided=True),

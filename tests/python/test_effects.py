@@ -39,11 +39,11 @@ def test_the_table_of_effects_in_the_docs_is_the_engines() -> None:
     assert table == rows, "\n".join(rows)
 
 
-def some_field(rng: np.random.Generator, kind: int) -> ss.RegularField | ss.EllipsoidField:
+def some_field(rng: np.random.Generator, kind: int, boundary: str = "edge") -> ss.RegularField | ss.EllipsoidField:
     """Return a lattice, spheres or ellipsoids, values mostly between 0 and 1."""
     if kind == 0:
         values = rng.random((7, 8, 9), dtype=np.float32)
-        return ss.RegularField(values, normalization=str(rng.choice(["lattice", "threshold"])))
+        return ss.RegularField(values, normalization=str(rng.choice(["lattice", "threshold"])), boundary=boundary)
     centers = rng.normal(size=(40, 3))
     values = rng.random(40)
     if kind == 1:
@@ -53,12 +53,12 @@ def some_field(rng: np.random.Generator, kind: int) -> ss.RegularField | ss.Elli
     return ss.EllipsoidField(centers, rng.uniform(0.2, 1.0, (40, 3)), rotations, values)
 
 
-def some_scene(seed: int) -> tuple[ss.Scene, ss.Camera]:
+def some_scene(seed: int, boundary: str = "edge") -> tuple[ss.Scene, ss.Camera]:
     """Return a scene of which each effect is called for by some seeds and not by others."""
     rng = np.random.default_rng(seed)
-    fields: list[ss.RegularField | ss.EllipsoidField] = [some_field(rng, seed % 3)]
+    fields: list[ss.RegularField | ss.EllipsoidField] = [some_field(rng, seed % 3, boundary)]
     if rng.random() < 0.3:
-        fields.append(some_field(rng, int(rng.integers(3))))
+        fields.append(some_field(rng, int(rng.integers(3)), boundary))
     # Without steps and with opacity 0 at 0, only the opacity stop makes ambiguous pixels.
     points = [(0.0, *rng.random(3), 0.0), (0.4, *rng.random(3), 0.1 * rng.random()), (1.0, *rng.random(3), 0.4)]
     lit = rng.random() < 0.6
@@ -191,7 +191,7 @@ def test_what_the_plan_left_out_changes_nothing_on_measured_data(
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_what_the_scene_calls_for_matters(backend: str, forced: Callable[[str], Forced]) -> None:
     """Negative control: leaving out a needed effect changes the picture."""
-    scene, camera = some_scene(0)
+    scene, camera = some_scene(0, "zero")
     low, high = scene.bounds
     middle = 0.5 * (float(low[0]) + float(high[0]))
     scene = scene.replace(

@@ -124,6 +124,8 @@ def test_close_ups_of_quotients_that_change_slowly_take_float64(scattered: bool)
         values = np.broadcast_to(3.0 + 3e-4 * np.linspace(-1, 1, 10), (10, 10, 10))
         parts["fields"] = [
             {"values": values, "spacing": (2 / 9,) * 3, "origin": (-1,) * 3, "normalization": "threshold", "w0": 0.3}
+            # Counted from a base of their own they would be exact.
+            | {"boundary": "zero", "base": 0.0}
         ]
     parts["transfer"] = [(at + 2.6, *look) for at, *look in TRANSFER]
     parts["camera"] = parts["camera"] | {"height": 0.3}

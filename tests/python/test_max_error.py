@@ -54,7 +54,7 @@ def test_the_bound_holds(seed: int, exact: ss.Renderer) -> None:
 def test_the_bound_holds_by_tiles(kind: Any) -> None:
     """Pilots of large pictures are some of their tiles."""
     rng = np.random.default_rng(3)
-    field = ss.RegularField(error_scenes.smooth_noise(rng, (18, 20, 22), 1.2))
+    field = ss.RegularField(error_scenes.smooth_noise(rng, (18, 20, 22), 1.2), boundary="zero")
     scene = ss.Scene(
         field,
         [(0.3, 0.2, 0.4, 0.9, 0), (0.5, 0.9, 0.4, 0.2, 0.1), (1, 1, 0.9, 0.6, 0.5)],
@@ -91,7 +91,7 @@ def test_the_bound_is_what_decides(exact: ss.Renderer) -> None:
 def ball_scene() -> tuple[ss.Scene, ss.Camera]:
     """Return a soft ball and a view of it."""
     axes = np.meshgrid(*[np.linspace(-1, 1, 14)] * 3)
-    field = ss.RegularField(np.clip(1.1 - np.sqrt(sum(a * a for a in axes)), 0, 1))
+    field = ss.RegularField(np.clip(1.1 - np.sqrt(sum(a * a for a in axes)), 0, 1), boundary="zero")
     scene = ss.Scene(field, ss.TransferFunction([(0.1, 0.2, 0.4, 0.9, 0), (1, 1, 0.8, 0.5, 0.7)]))
     return scene, ss.Camera.fit(field, direction=(-0.5, -0.4, -0.8))
 

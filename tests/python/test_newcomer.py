@@ -224,8 +224,10 @@ def test_short_descriptions(ball):
 
 
 def test_the_reason_is_one_of_the_scene():
-    scene = ss.Scene(ss.RegularField(np.full((3, 3, 3), -2.0)), [(0, 1, 1, 1, 1)], mode="mip")
-    assert "below 0" in why_empty(scene)
+    scene = ss.Scene(ss.RegularField(np.full((3, 3, 3), -2.0)), [(0, 1, 1, 1, 0), (1, 1, 1, 1, 1)])
+    assert "the opacity is 0 for all of the values -2 to -2" in why_empty(scene)
+    # Maxima below 0 are maxima.
+    assert "-2" not in why_empty(scene.replace(mode="mip"))
 
 
 def test_a_dict_of_arrays_says_what_to_do(ball):

@@ -76,10 +76,12 @@ def reference_excess(
 
 
 def distances(actual: np.ndarray, wanted: np.ndarray, left_out: np.ndarray) -> tuple[float, float]:
-    """Return RMSE and P99.9 (section 8) of the pixels that are compared."""
-    off = np.abs(actual - wanted)
+    """Return RMSE and P99.9 (section 8) of the pixels that are compared; what is no number has to be none in both."""
+    nothing = np.isnan(wanted)
+    off = np.where(nothing & np.isnan(actual), 0.0, np.abs(actual - wanted))
+    off = np.where(np.isnan(off), np.inf, off)
     if off.ndim == 2:
-        off = (off / max(1.0, float(wanted.max())))[..., None]
+        off = (off / max(1.0, float(np.abs(wanted[~nothing]).max(initial=0.0))))[..., None]
     off = np.where(left_out[..., None], 0, off)
     return float(np.sqrt(np.mean(off**2))), float(np.percentile(off.max(-1), 99.9))
 
@@ -210,7 +212,7 @@ def share_seen(scenes: Iterable[dict[str, Any]], renderer: ss.Renderer) -> float
     """Return in which share of scenes the reference shows something: it draws what the oracle draws, sooner."""
     made = (build_effects(ss, one) for one in scenes)
     pictures = [renderer.render(scene, camera, size=size).pixels for scene, camera, size in made]
-    return float(np.mean([np.abs(picture).max() > 1e-3 for picture in pictures]))
+    return float(np.mean([np.nanmax(np.abs(picture), initial=0.0) > 1e-3 for picture in pictures]))
 
 
 @pytest.mark.slow

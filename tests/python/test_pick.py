@@ -12,20 +12,36 @@ THIN = [(0, 0, 0, 1, 0), (1, 1, 1, 0, 0.004)]
 SIZE = (30, 24)
 
 
+def kernels_of(field):
+    """Return places (layers of samples along x, y, z) and values, counted from the base, of a volume's kernels."""
+    bcc = field.lattice == "bcc"
+    nk, nj, ni = field.shape
+    counts = np.array([2 * ni, 2 * nj, nk] if bcc else [ni, nj, nk])
+    more = 12 if field.boundary == "edge" else 0
+    places = np.stack(np.meshgrid(*(np.arange(-more, n + more) for n in counts), indexing="ij"), -1).reshape(-1, 3)
+    if bcc:
+        places = places[(places % 2 == places[:, :1] % 2).all(axis=1)]
+    own = places
+    if more:
+        # Mirrored in the first and the last layer.
+        period = np.maximum(2 * (counts - 1), 1)
+        own = np.abs((places + counts - 1) % period - (counts - 1))
+        radius = field.radius * (np.sqrt(2) if bcc else 1)
+        beyond = np.maximum(0, np.maximum(-0.5 - places, places - (counts - 1) - 0.5))
+        near = (beyond**2).sum(axis=1) < radius**2
+        places, own = places[near], own[near]
+    i, j, k = own.T
+    values = field.coefficients[k, j // 2, i // 2] if bcc else field.coefficients[k, j, i]
+    return places, values.astype(float) - (0.0 if field.prefilter else field.base)
+
+
 def brute_force(field, point):
     """Return D, W and C of a field at a point, by a sum over all kernels."""
     if isinstance(field, ss.RegularField):
-        nk, nj, ni = field.shape
-        k, j, i = np.indices((nk, nj, ni))
-        if field.lattice == "bcc":
-            a = field.spacing[0]
-            centers = np.stack([(i + 0.5 * (k % 2)) * a, (j + 0.5 * (k % 2)) * a, 0.5 * k * a], -1) + field.origin
-            axes = np.full(3, field.radius * a / np.sqrt(2))
-        else:
-            centers = np.stack([i, j, k], -1) * field.spacing + np.asarray(field.origin)
-            axes = field.radius * np.asarray(field.spacing)
-        values = field.coefficients.ravel().astype(float)
-        q = ((point - centers.reshape(-1, 3)) / axes) ** 2
+        places, values = kernels_of(field)
+        layer = 0.5 * field.spacing[0] if field.lattice == "bcc" else np.asarray(field.spacing)
+        axes = field.radius * (field.spacing[0] / np.sqrt(2) if field.lattice == "bcc" else layer)
+        q = ((point - (np.asarray(field.origin) + places * layer)) / axes) ** 2
         weights = np.ones(values.size)
     else:
         offset = point - field.centers
@@ -40,7 +56,7 @@ def brute_force(field, point):
             )
             offset = np.einsum("jin,nj->ni", rotation, offset)
         scales = field.scales if field.scales.ndim == 2 else field.scales[:, None]
-        q, values = (offset / scales) ** 2, field.values
+        q, values = (offset / scales) ** 2, field.values - field.base
         weights = np.ones(len(values)) if field.weights is None else field.weights
     known = ~np.isnan(values)
     r2, k = q.sum(axis=1), field.falloff
@@ -51,8 +67,11 @@ def brute_force(field, point):
 def scalar(field, point):
     d, w = brute_force(field, point)
     if field.normalization == "threshold":
-        return d / max(field.w0, w)
-    return d / (field.native.lattice_constant if field.normalization == "lattice" else 1.0)
+        return field.base + d / max(field.w0, w)
+    if field.normalization == "none":
+        return field.base + d
+    c = field.native.lattice_constant
+    return field.base + d / (max(0.5 * c, w) if np.isnan(field.values).any() and field.boundary == "edge" else c)
 
 
 def fields(rng):
@@ -63,6 +82,10 @@ def fields(rng):
     return {
         "volume": ss.RegularField(volume, spacing=(1, 1.5, 0.7), origin=(3, -2, 1)),
         "holes": ss.RegularField(np.where(volume < 0.3, np.nan, volume), nan="skip", normalization="threshold"),
+        "missing": ss.RegularField(np.where(volume < 0.3, np.nan, 280 + volume), nan="skip"),
+        "kelvin": ss.RegularField(280 + volume, radius=2.5, falloff=7),
+        "falls": ss.RegularField(280 + volume, boundary="zero", base=270),
+        "based": ss.EllipsoidField(*shapes, values=rng.random(40), w0=0.3, base=0.5),
         "bcc": ss.RegularField(volume, lattice="bcc"),
         "prefiltered": ss.RegularField(volume, prefilter=True),
         "mean": ss.EllipsoidField(*shapes, values=rng.random(40), weights=rng.uniform(0.5, 2, 40), w0=0.3),
@@ -71,7 +94,13 @@ def fields(rng):
     }
 
 
-@pytest.mark.parametrize("name", ["volume", "holes", "bcc", "prefiltered", "mean", "sums", "spheres"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("volume", "holes", "missing", "kelvin", "falls", "bcc", "prefiltered"),
+        *("mean", "based", "sums", "spheres"),
+    ],
+)
 def test_fields_are_evaluated_at_points(rng, name):
     field = fields(rng)[name]
     low, high = np.asarray(field.bounds)
@@ -86,8 +115,11 @@ def test_fields_are_evaluated_at_points(rng, name):
         slopes = np.array([scalar(field, point + by) - scalar(field, point - by) for point in points]) / (2 * step)
         # Where a support ends, or W passes w0, between the two points, the difference is of both sides.
         assert np.quantile(np.abs(slopes - gradients[:, axis]), 0.9) < 1e-6
-    outside = field.evaluate([high + 1, low - 1])
-    assert not outside[0].any() and not outside[1].any() and (field.nearest_kernel([high + 1]) == -1).all()
+    # (Mirrored kernels reach farther than others.)
+    away = field.radius * np.max(field.spacing) + 1 if isinstance(field, ss.RegularField) else 1
+    outside = field.evaluate([high + away, low - away])
+    assert (outside[0] == field.base).all() and not outside[1].any()
+    assert (field.nearest_kernel([high + away, high - 1e-9]) == -1).all()
 
 
 @pytest.mark.parametrize("name", ["volume", "bcc", "mean"])
@@ -103,7 +135,9 @@ def test_the_nearest_kernel(rng, name):
     found = field.nearest_kernel(points)
     for point, number in zip(points, found, strict=True):
         distances = np.linalg.norm(centers - point, axis=1)
-        if number >= 0 and name != "mean":
+        # (Beyond the outermost samples mirrored ones may be nearer.)
+        between = (point >= centers.min(axis=0)).all() and (point <= centers.max(axis=0)).all()
+        if number >= 0 and name != "mean" and between:
             assert distances[number] == pytest.approx(distances.min())
         # Of ellipsoids, a nearer centre may have a support that does not reach.
         assert number < len(centers)

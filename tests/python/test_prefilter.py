@@ -32,6 +32,11 @@ def places(shape: tuple[int, ...], lattice: str) -> np.ndarray:
     return np.stack([i, j, k], -1).reshape(-1, 3)
 
 
+def literal(values: object, **options: object) -> ss.RegularField:
+    """Return a volume beyond whose samples there are none: its sums are those of its own kernels."""
+    return ss.RegularField(values, **{"boundary": "zero", **options})  # type: ignore[arg-type]
+
+
 def sums_at(field: ss.RegularField, points: np.ndarray) -> np.ndarray:
     """Return the sum of kernels at points of index space, by the definition, without the package's own taps."""
     radius = field.radius / math.sqrt(2.0) if field.lattice == "bcc" else field.radius
@@ -70,26 +75,44 @@ def refused(function: Callable[[], object], *words: str) -> str:
 
 @pytest.mark.parametrize("lattice", LATTICES)
 @pytest.mark.parametrize(("radius", "falloff"), GOOD)
+@pytest.mark.parametrize("shape", [SHAPE, (2, 3, 64), (64, 1, 2), (3, 2, 1)])
+@pytest.mark.parametrize(
+    ("offset", "kind"), [(0.0, "float32"), (101300.0, "float32"), (280.0, "float64"), (0.0, "uint8")]
+)
+def test_volumes_that_end_pass_through_all_samples(
+    lattice: str, radius: float, falloff: float, shape: tuple[int, ...], offset: float, kind: str,
+    rng: np.random.Generator,
+) -> None:  # fmt: skip
+    values = (offset + rng.random(shape) * (200 if kind == "uint8" else 20)).astype(kind)
+    field = ss.RegularField(values, lattice=lattice, radius=radius, falloff=falloff, prefilter=True)  # type: ignore[arg-type]
+    away = np.abs(field.at(places(shape, lattice)) - values.ravel().astype(float)).max()
+    assert away <= 1e-6 * float(np.ptp(values.astype(float)))
+    # Where the volume ends its values go on.
+    assert field.boundary == "edge" and field.domain is not None
+
+
+@pytest.mark.parametrize("lattice", LATTICES)
+@pytest.mark.parametrize(("radius", "falloff"), GOOD)
 @pytest.mark.parametrize("kind", ["float32", "float64", "uint8", "int16"])
 def test_the_sum_passes_through_the_samples(
     lattice: str, radius: float, falloff: float, kind: str, rng: np.random.Generator
 ) -> None:
     values = (rng.normal(size=SHAPE) * 50 + 100).clip(0, 255).astype(kind)
     options = {"lattice": lattice, "radius": radius, "falloff": falloff}
-    field = ss.RegularField(values, spacing=(0.3,) * 3, prefilter=True, **options)  # type: ignore[arg-type]
+    field = literal(values, spacing=(0.3,) * 3, prefilter=True, **options)  # type: ignore[arg-type]
     away = np.abs(sums_at(field, places(SHAPE, lattice)) - values.ravel()).max() / np.abs(values).max()
     assert away < (1e-11 if kind == "float64" else 1e-6)
     assert field.prefilter_residual is not None and away == pytest.approx(field.prefilter_residual, abs=1e-12)
     # The control: without the prefilter the sum over C does not.
-    plain = ss.RegularField(values, **options)  # type: ignore[arg-type]
+    plain = literal(values, **options)  # type: ignore[arg-type]
     sums = sums_at(plain, places(SHAPE, lattice)) / lattice_constant(radius, falloff, lattice)  # type: ignore[arg-type]
     assert np.abs(sums - values.ravel()).max() / np.abs(values).max() > 1e-2
 
 
 def test_unequal_spacing_is_a_sphere_in_index_space(rng: np.random.Generator) -> None:
     values = rng.normal(size=(6, 7, 8))
-    equal = ss.RegularField(values, prefilter=True)
-    unequal = ss.RegularField(values, spacing=(0.1, 3.0, 1.0), origin=(5, -2, 1), prefilter=True)
+    equal = literal(values, prefilter=True)
+    unequal = literal(values, spacing=(0.1, 3.0, 1.0), origin=(5, -2, 1), prefilter=True)
     assert np.array_equal(equal.coefficients, unequal.coefficients)
 
 
@@ -100,7 +123,7 @@ def test_coefficients_are_those_of_the_full_matrix(lattice: str, rng: np.random.
     squares = ((at[:, None] - at) ** 2).sum(-1) / (6.25 / (2.0 if lattice == "bcc" else 1.0))
     matrix = np.maximum(0.0, np.exp(-7 * squares) - math.exp(-7)) / -math.expm1(-7)
     values = rng.normal(size=shape)
-    field = ss.RegularField(values, lattice=lattice, radius=2.5, falloff=7, prefilter=True)  # type: ignore[arg-type]
+    field = literal(values, lattice=lattice, radius=2.5, falloff=7, prefilter=True)  # type: ignore[arg-type]
     expected = np.linalg.solve(matrix, values.ravel())
     assert np.abs(field.coefficients.ravel() - expected).max() < 1e-10 * np.abs(expected).max()
     # The bound of the condition number holds for this block of the endless matrix, and is not far too large.
@@ -112,27 +135,27 @@ def test_coefficients_are_those_of_the_full_matrix(lattice: str, rng: np.random.
 @pytest.mark.parametrize("lattice", LATTICES)
 def test_thin_volumes(shape: tuple[int, int, int], lattice: str, rng: np.random.Generator) -> None:
     values = rng.normal(size=shape)
-    field = ss.RegularField(values, lattice=lattice, prefilter=True)  # type: ignore[arg-type]
+    field = literal(values, lattice=lattice, prefilter=True)  # type: ignore[arg-type]
     assert np.allclose(sums_at(field, places(shape, lattice)), values.ravel(), rtol=0, atol=1e-11)
 
 
 @pytest.mark.parametrize("lattice", LATTICES)
 def test_constant_fields_have_constant_coefficients_inside(lattice: str) -> None:
-    field = ss.RegularField(np.full((30, 30, 30), 7.0), lattice=lattice, prefilter=True)  # type: ignore[arg-type]
+    field = literal(np.full((30, 30, 30), 7.0), lattice=lattice, prefilter=True)  # type: ignore[arg-type]
     inner = field.coefficients[13:17, 13:17, 13:17]
-    total = sums_at(ss.RegularField(np.ones((9, 9, 9)), lattice=lattice), places((9, 9, 9), lattice))  # type: ignore[arg-type]
+    total = sums_at(literal(np.ones((9, 9, 9)), lattice=lattice), places((9, 9, 9), lattice))  # type: ignore[arg-type]
     middle = total.reshape(9, 9, 9)[4, 4, 4]
     assert np.allclose(inner, 7.0 / middle, rtol=1e-4)
     # At the border there are no neighbours to share with.
     assert field.coefficients[0, 0, 0] > 1.5 * inner.max()
-    assert not ss.RegularField(np.zeros((4, 4, 4)), prefilter=True).coefficients.any()
+    assert not literal(np.zeros((4, 4, 4)), prefilter=True).coefficients.any()
 
 
 def test_coefficients_are_linear_in_the_samples(rng: np.random.Generator) -> None:
     first, second = rng.normal(size=(2, *SHAPE))
 
     def of(values: np.ndarray) -> np.ndarray:
-        return np.asarray(ss.RegularField(values, prefilter=True).coefficients)
+        return np.asarray(literal(values, prefilter=True).coefficients)
 
     together = of(2.0 * first - 3.0 * second)
     assert np.allclose(together, 2.0 * of(first) - 3.0 * of(second), rtol=0, atol=1e-9)
@@ -146,7 +169,7 @@ def test_coefficients_are_linear_in_the_samples(rng: np.random.Generator) -> Non
 def test_the_field_keeps_the_samples_and_shows_their_range(rng: np.random.Generator) -> None:
     values = rng.random((12, 12, 12)).astype(np.float32)
     given = values.copy()
-    field = ss.RegularField(given, prefilter=True)
+    field = literal(given, prefilter=True)
     given[:] = -1.0
     assert np.array_equal(field.values, values) and not field.values.flags.writeable
     assert field.value_range == (values.min(), values.max())
@@ -154,48 +177,48 @@ def test_the_field_keeps_the_samples_and_shows_their_range(rng: np.random.Genera
     assert field.coefficients.min() < values.min() and field.coefficients.max() > values.max()
     assert field.coefficients.dtype == np.float32 and not field.coefficients.flags.writeable
     assert field.memory >= 2 * values.nbytes and "prefiltered" in repr(field)
-    plain = ss.RegularField(values)
+    plain = literal(values)
     assert automatic.choose([field]) == automatic.choose([plain])
     assert not plain.prefilter and plain.prefilter_residual is None and plain.prefilter_condition is None
     assert plain.coefficients is not None and np.array_equal(plain.coefficients, values)
-    assert ss.RegularField(values.astype(np.uint8), prefilter=True).coefficients.dtype == np.float32
+    assert literal(values.astype(np.uint8), prefilter=True).coefficients.dtype == np.float32
 
 
 @pytest.mark.parametrize("scale", [1e-300, 1e-40, 1e30, 1e290])
 def test_very_small_and_very_large_samples(scale: float, rng: np.random.Generator) -> None:
     values = rng.normal(size=(5, 5, 5)) * scale
-    field = ss.RegularField(values, prefilter=True)
+    field = literal(values, prefilter=True)
     assert np.abs(sums_at(field, places((5, 5, 5), "cartesian")) - values.ravel()).max() < 1e-11 * scale
     if 1e-38 < scale < 1e38:
         # What float32 cannot hold with all digits is kept wider.
-        assert ss.RegularField(values.astype(np.float32), prefilter=True).coefficients.dtype == np.float64
+        assert literal(values.astype(np.float32), prefilter=True).coefficients.dtype == np.float64
 
 
 def test_contradictions_have_clear_errors() -> None:
     one = np.ones((4, 4, 4))
-    refused(lambda: ss.RegularField(one, prefilter=True, normalization="threshold"), "prefilter=True", '"threshold"')
+    refused(lambda: literal(one, prefilter=True, normalization="threshold"), "prefilter=True", '"threshold"')
     hole = one.copy()
     hole[1, 2, 3] = np.nan
-    refused(lambda: ss.RegularField(hole, prefilter=True, nan="skip"), "prefilter=True", 'nan="skip"', "[1, 2, 3]")
-    refused(lambda: ss.RegularField(hole, prefilter=True), "NaN", "[1, 2, 3]")
+    refused(lambda: literal(hole, prefilter=True, nan="skip"), "prefilter=True", 'nan="skip"', "[1, 2, 3]")
+    refused(lambda: literal(hole, prefilter=True), "NaN", "[1, 2, 3]")
     hole[1, 2, 3] = np.inf
-    refused(lambda: ss.RegularField(hole, prefilter=True), "inf")
-    refused(lambda: ss.RegularField(one, prefilter="yes"), "prefilter")  # type: ignore[arg-type]
-    refused(lambda: ss.RegularField(one, prefilter=True, spacing=(0, 1, 1)), "spacing")
-    refused(lambda: ss.RegularField(one[:0], prefilter=True), "empty")
+    refused(lambda: literal(hole, prefilter=True), "inf")
+    refused(lambda: literal(one, prefilter="yes"), "prefilter")  # type: ignore[arg-type]
+    refused(lambda: literal(one, prefilter=True, spacing=(0, 1, 1)), "spacing")
+    refused(lambda: literal(one[:0], prefilter=True), "empty")
     signs = np.where(np.indices((4, 4, 4)).sum(axis=0) % 2, 9e299, -9e299)
-    refused(lambda: ss.RegularField(signs, prefilter=True), "1e+300")
-    refused(lambda: ss.render(ss.RegularField(one), prefilter=True, size=(8, 8)), "prefilter")
+    refused(lambda: literal(signs, prefilter=True), "1e+300")
+    refused(lambda: ss.render(literal(one), prefilter=True, size=(8, 8)), "prefilter")
     # Allowed: "skip" where nothing is to be skipped, and the two normalisations that become "none".
     for options in ({"nan": "skip"}, {"normalization": "none"}, {"normalization": "lattice"}):
-        assert ss.RegularField(one, prefilter=True, **options).normalization == "none"  # type: ignore[arg-type]
+        assert literal(one, prefilter=True, **options).normalization == "none"  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("lattice", LATTICES)
 def test_kernels_that_lose_the_samples_are_refused(lattice: str) -> None:
     values = np.ones((4, 4, 4))
     text = refused(
-        lambda: ss.RegularField(values, radius=3, falloff=1, lattice=lattice, prefilter=True),  # type: ignore[arg-type]
+        lambda: literal(values, radius=3, falloff=1, lattice=lattice, prefilter=True),  # type: ignore[arg-type]
         "radius 3 with falloff 1",
         "spectrum",
     )
@@ -204,10 +227,10 @@ def test_kernels_that_lose_the_samples_are_refused(lattice: str) -> None:
     low, high = spectrum_range(*wide, lattice)
     assert 0.0 < 2e3 * low < high
     refused(
-        lambda: ss.RegularField(values, radius=wide[0], falloff=wide[1], lattice=lattice, prefilter=True),  # type: ignore[arg-type]
+        lambda: literal(values, radius=wide[0], falloff=wide[1], lattice=lattice, prefilter=True),  # type: ignore[arg-type]
         f"{high / low:.3g}",
     )
-    refused(lambda: ss.RegularField(values, radius=1e9, falloff=5, prefilter=True), "1e+09")
+    refused(lambda: literal(values, radius=1e9, falloff=5, prefilter=True), "1e+09")
     for radius, falloff in GOOD:
         low, high = spectrum_range(radius, falloff, lattice)
         assert _sheetsplat.prefilter_condition(radius, falloff, lattice) == pytest.approx(high / low, rel=1e-12)
@@ -221,8 +244,8 @@ def test_what_does_not_fit_is_refused_before_it_is_tried() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (used + 2 * values.nbytes, before[1]))
     try:
         with pytest.raises(ss.OutOfMemory, match="prefilter of 256 x 256 x 256 samples"):
-            ss.RegularField(values, prefilter=True)
-        ss.RegularField(values)
+            literal(values, prefilter=True)
+        literal(values)
     finally:
         resource.setrlimit(resource.RLIMIT_AS, before)
 
@@ -232,7 +255,7 @@ def test_large_volumes_pass_through_the_samples(lattice: str, rng: np.random.Gen
     # Borders that have filters of their own, and samples far from them; noise is the hardest.
     shape = (70, 68, 150)
     values = rng.normal(size=shape).astype(np.float32)
-    field = ss.RegularField(values, radius=2.5, falloff=7, lattice=lattice, prefilter=True)  # type: ignore[arg-type]
+    field = literal(values, radius=2.5, falloff=7, lattice=lattice, prefilter=True)  # type: ignore[arg-type]
     chosen = rng.integers(0, values.size, 1000)
     chosen[:4] = (0, 149, values.size - 1, values.size - 150)
     k, j, i = np.unravel_index(chosen, shape)
@@ -259,7 +282,7 @@ def test_linear_data_stay_linear_in_the_middle() -> None:
     # Far from the border the coefficients of a ramp are a ramp, over the sum of the kernels.
     k, j, i = np.indices((48, 48, 48), dtype=float)
     values = 2.0 + 0.5 * i - 0.25 * j + 0.125 * k
-    field = ss.RegularField(values, radius=2.5, falloff=7, prefilter=True)
+    field = literal(values, radius=2.5, falloff=7, prefilter=True)
     middle = np.s_[22:26, 22:26, 22:26]
     unit = values[middle] / field.coefficients[middle]
     assert unit.max() / unit.min() - 1 < 1e-6
@@ -321,7 +344,7 @@ def error_at(count: int, radius: float, falloff: float, *, prefilter: bool, cons
     """Return the RMS difference from the formula, at places that are the same for every spacing."""
     spacing = 2.0 / count
     x = -1 + spacing * (np.arange(count) + 0.5)
-    field = ss.RegularField(bump(x, x[:, None], x[:, None, None]), radius=radius, falloff=falloff, prefilter=prefilter)
+    field = literal(bump(x, x[:, None], x[:, None, None]), radius=radius, falloff=falloff, prefilter=prefilter)
     points = np.random.default_rng(1).normal(size=(1500, 3)) * 0.18
     at = (points - x[0]) / spacing
     first = np.floor(at).astype(int)
@@ -383,7 +406,7 @@ def test_ripple_is_that_of_rendered_sums(lattice: str, rng: np.random.Generator)
         at = places(shape, lattice)
         middle = at[np.ravel_multi_index((7, 7, 7), shape)]
         points = middle + rng.uniform(-0.5, 0.5, (2500, 3))
-        field = ss.RegularField(ones, lattice=lattice)  # type: ignore[arg-type]
+        field = literal(ones, lattice=lattice)  # type: ignore[arg-type]
         sums = sums_at(field, points)
         sums /= sums_at(field, middle[None])[0] if prefilter else lattice_constant(2.0, 5.0, lattice)  # type: ignore[arg-type]
         assert np.abs(sums - 1).max() == pytest.approx(endless.peak, rel=0.1)
@@ -402,7 +425,7 @@ def test_division_by_weights_leaves_no_ripple_where_the_weights_reach(reference_
     # And pictures of regular fields are that: an x-ray slab of ones.
     pictures = {}
     for name, options in (("lattice", {}), ("threshold", {"w0": 1e-3})):
-        field = ss.RegularField(np.ones((9, 16, 16)), normalization=name, **options)  # type: ignore[arg-type]
+        field = literal(np.ones((9, 16, 16)), normalization=name, **options)  # type: ignore[arg-type]
         scene = ss.Scene(
             field, [(0.9, 0, 0, 0, 0.0), (1.1, 1, 1, 1, 1.0)], slice_spacing=0.25, opacity_stop=1.0, mode="mip"
         )

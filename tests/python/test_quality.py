@@ -149,13 +149,16 @@ def test_every_kind_of_data_in_every_mode(smooth, particles, mode, kind):
     for name in QUALITIES:
         backend = "reference" if mode in ("minimum", "average") else "cpu"
         image = ss.render(data, mode=mode, quality=name, size=(16, 12), backend=backend)
-        assert np.isfinite(image.pixels).all() and (mode == "minimum" or image.pixels.any())
+        # Where no point of a ray counts there is no number.
+        numbers = np.isfinite(image.pixels)
+        assert numbers.any() and (numbers.all() or mode in ("mip", "minimum", "average"))
+        assert mode == "minimum" or image.pixels[numbers].any()
         assert ("opacity_stop" in told(image)) == (mode == "composite")
         pictures[name] = image.pixels
         spacings.append(image.plan.slice_spacing)
     assert spacings[0] >= spacings[1] >= spacings[2] and (mode != "composite" or spacings[2] < spacings[0])
-    scale = max(1.0, float(np.abs(pictures["best"]).max()))
-    assert np.sqrt(np.mean((pictures["good"] - pictures["best"]) ** 2)) < 0.1 * scale
+    scale = max(1.0, float(np.nanmax(np.abs(pictures["best"]))))
+    assert np.sqrt(np.nanmean((pictures["good"] - pictures["best"]) ** 2)) < 0.1 * scale
 
 
 def test_fields_with_a_given_prefilter_keep_their_kernels(smooth):

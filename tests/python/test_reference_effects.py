@@ -100,7 +100,7 @@ def test_gradient_opacity_of_a_ramp(reference_renderer: ss.Renderer) -> None:
 
 def test_depth_cue_of_a_flat_surface(reference_renderer: ss.Renderer) -> None:
     """Every pixel sees the front of a block, whose depth is asked for beside it."""
-    field = ss.RegularField(np.ones((7, 15, 15)), origin=(-7, -7, -3), normalization="threshold")
+    field = ss.RegularField(np.ones((7, 15, 15)), origin=(-7, -7, -3), normalization="threshold", boundary="zero")
     colour, cue = np.array([0.9, 0.5, 0.2]), np.array([0.1, 0.3, 0.8])
 
     def shown(**options: object) -> tuple[np.ndarray, float]:

@@ -76,12 +76,14 @@ def test_translucent_surfaces_and_groups_cast_their_own_shadows(groups: bool, ba
     """Each iso value takes light by its opacity, in the scalar of each group of fields."""
     cube, camera = make(Case("uneven", "threshold"))
     other = ss.RegularField(
-        np.full((5, 5, 5), 0.8), spacing=(0.1, 0.1, 0.1), origin=(0.7, -0.1, 0.3), normalization="threshold", w0=0.1
-    )
+        np.full((5, 5, 5), 0.8), spacing=(0.1, 0.1, 0.1), origin=(0.7, -0.1, 0.3), normalization="threshold", w0=0.1,
+        boundary="zero",
+    )  # fmt: skip
     points = [(0.0, 0.1, 0.2, 0.6, 0.0), (1.0, 1.0, 0.9, 0.8, 0.5)]
-    fields = (*cube.fields, other)
+    cubes = tuple(one.replace(boundary="zero") for one in cube.fields)
+    fields = (*cubes, other)
     scene = ss.Scene(
-        fields if groups else cube.fields,
+        fields if groups else cubes,
         [points, [(0.0, 0.9, 0.4, 0.1, 0.0), (1.0, 0.9, 0.4, 0.1, 1.0)]] if groups else points,
         mode="isosurface",
         iso_value=((0.25, 0.3), (0.5, 0.9)),

@@ -16,11 +16,17 @@
 
 namespace sheetsplat {
 
-/// How the sums D = sum m f g and W = sum m g become the scalar rho.
+/// How the sums D = sum m (f - b) g and W = sum m g become the scalar rho; b is the field's base.
 enum class Normalization {
-    none,      ///< rho = D
-    lattice,   ///< rho = D / C with C the kernel's mass per sample's volume (closed form)
-    threshold, ///< rho = D / max(w0, W)  ([NM06] eq. 20)
+    none,      ///< rho = b + D
+    lattice,   ///< rho = b + D / C with C the kernel's mass per sample's volume (closed form)
+    threshold, ///< rho = b + D / max(w0, W)  ([NM06] eq. 20)
+};
+
+/// What a lattice is beyond its outermost samples.
+enum class Boundary {
+    edge, ///< the samples are mirrored, and the field ends half a sample distance beyond the outermost ones
+    zero, ///< there are no samples, and the field falls to its base within a kernel's radius ([NM05])
 };
 
 enum class Lattice {
@@ -63,13 +69,17 @@ class Field {
     [[nodiscard]] const Kernel& kernel() const { return kernel_; }
     [[nodiscard]] Normalization normalization() const { return normalization_; }
     [[nodiscard]] double w0() const { return w0_; }
+    /// b, what values are counted from: rho where no kernel reaches.
+    [[nodiscard]] double base() const { return base_; }
+    /// Points with a smaller W are empty, although kernels reach them; 0: none is.
+    [[nodiscard]] double least_weight() const { return least_weight_; }
     /// Number of kernels, invisible ones included.
     [[nodiscard]] virtual std::size_t size() const = 0;
-    /// World-aligned box of all kernel centres; empty for a field without kernels.
+    /// World-aligned box of all kernel centres, mirrored ones left out; empty for a field without kernels.
     [[nodiscard]] virtual Box centres_world() const = 0;
     /// World-aligned box of all supports.
     [[nodiscard]] virtual Box supports_world() const = 0;
-    /// Smallest and largest value (not weight); 0, 0 for a field without kernels.
+    /// Smallest and largest f - b (not weight); 0, 0 for a field without kernels.
     [[nodiscard]] virtual std::array<double, 2> value_range() const = 0;
     /// The default distance of slices, in world units (conventions, section 3). A field without kernels has none: 0.
     [[nodiscard]] virtual double default_slice_spacing() const = 0;
@@ -84,6 +94,8 @@ class Field {
     Kernel kernel_;
     Normalization normalization_ = Normalization::lattice;
     double w0_ = 1.0;
+    double base_ = 0.0;
+    double least_weight_ = 0.0;
 };
 
 /// Samples in the type that they came in, [k][j][i], i fastest. One of the vectors is the data.
@@ -99,16 +111,25 @@ struct RegularFieldOptions {
     Normalization normalization = Normalization::lattice;
     double w0 = 1.0;
     NanPolicy nan = NanPolicy::error;
-    /// The kernels get coefficients in place of the samples, so that their sum passes through every sample; the
-    /// normalisation becomes `none`. There are no kernels beyond the volume.
+    /// The kernels get coefficients in place of the samples, counted from b, so that b and their sum pass through every
+    /// sample; the normalisation becomes `none`. With the boundary `edge` the kernels of mirrored samples are in the
+    /// sum, with the coefficients of what they are images of.
     bool prefilter = false;
-    /// Where the samples are a part of a larger volume: the range of all its factors of kernels, that of value_range().
+    Boundary boundary = Boundary::edge;
+    /// b. Unless given: boundary zero and normalisation none have 0; else the first sample that is not missing, if at
+    /// least one in a hundred has its value, else the middle between the least and the largest.
+    std::optional<double> base{};
+    /// Where the samples are a part of a larger volume: the range of all its kernels, that of value_range().
     std::optional<std::array<double, 2>> value_range{};
+    /// Where the samples are a part of a larger volume: Field::least_weight().
+    double least_weight = 0.0;
+    /// Where the samples stand for those of another volume with the boundary `edge`: where that ends.
+    std::optional<Box> domain{};
 };
 
 /// What the prefilter reached.
 struct PrefilterFigures {
-    double residual = 0.0;  ///< largest distance of the sums from a sample, over the largest sample
+    double residual = 0.0;  ///< largest distance of the sums from a sample, over the largest |f - b|
     double condition = 1.0; ///< largest amplification of errors from samples to coefficients
     int steps = 0;
 };
@@ -122,17 +143,24 @@ struct PrefilteredSamples {
 /// too wide, or a spectrum that is not above 0 or spans more than 2000.
 double prefilter_condition(Lattice lattice, double radius, double falloff);
 
-/// A Cartesian or BCC volume. Immutable.
+/// Samples begin <= i < end of a row.
+struct SampleRange {
+    std::uint32_t begin = 0, end = 0;
+};
+
+/// A Cartesian or BCC volume. Immutable. Rows of samples are found by row(), because mirrored rows are those that they
+/// are images of; rows of a field with the boundary `edge` are kept with the mirrored samples of both their ends.
 class RegularField final : public Field {
   public:
     /// samples: nk * nj * ni values, i fastest; shape: {nk, nj, ni} as the array [k, j, i] says.
     /// Throws InvalidInput for empty or mismatched arrays, NaN (unless skipped), infinities, spacing, radius or falloff
     /// <= 0; with prefilter for normalisation threshold, any NaN, and kernels whose sums lose the samples, OutOfMemory
-    /// where the coefficients do not fit, Error where the sums stay farther than 1e-6 of the largest sample from one,
+    /// where the coefficients do not fit, Error where the sums stay farther than 1e-6 of the largest |f - b| from one,
     /// Cancelled where `progress` returns false while the prefilter runs.
     RegularField(SampleArray samples, std::array<std::size_t, 3> shape, const RegularFieldOptions& options = {},
                  const Progress& progress = {});
-    /// With coefficients that another field of these samples, kernels and lattice found.
+    /// With coefficients that another field of these samples, kernels, lattice and boundary found, counted from the
+    /// same base: options must give it where their normalisation is `none`, which has 0 else.
     RegularField(SampleArray samples, PrefilteredSamples found, std::array<std::size_t, 3> shape,
                  const RegularFieldOptions& options);
 
@@ -149,36 +177,81 @@ class RegularField final : public Field {
     [[nodiscard]] const std::array<std::size_t, 3>& shape() const { return shape_; }
     [[nodiscard]] const RegularFieldOptions& options() const { return options_; }
     [[nodiscard]] Lattice lattice() const { return options_.lattice; }
-    /// The factors of the kernels: the samples, with `prefilter` their coefficients.
-    [[nodiscard]] const SampleArray& samples() const { return samples_; }
-    /// The samples as they were given.
-    [[nodiscard]] const SampleArray& given_samples() const { return prefilter_ ? given_ : samples_; }
-    /// Smallest and largest of these; value_range() is that of the factors.
+    /// The factors of the kernels, row after row (see row()): the samples, with `prefilter` their coefficients.
+    [[nodiscard]] const SampleArray& samples() const { return *samples_; }
+    /// Where row (j, k) begins: its sample i is number row(j, k) + i of samples().
+    [[nodiscard]] std::size_t row(std::size_t j, std::size_t k) const {
+        return layers_[k] + rows_[rows_.size() > 1 ? k % 2 : 0][j];
+    }
+    /// What is subtracted from a number of samples() for f - b: base(), and 0 with `prefilter`, whose coefficients are
+    /// counted from it.
+    [[nodiscard]] double counted_from() const { return prefilter_ ? 0.0 : base_; }
+    /// The samples as they were given, row after row as samples() without `prefilter`, else without gaps.
+    [[nodiscard]] const SampleArray& given_samples() const { return prefilter_ ? *given_ : *samples_; }
+    /// Smallest and largest of these.
     [[nodiscard]] const std::array<double, 2>& given_range() const { return given_range_; }
     [[nodiscard]] const std::optional<PrefilterFigures>& prefilter() const { return prefilter_; }
     /// True where a NaN was skipped somewhere, so that the lattice has holes.
     [[nodiscard]] bool has_holes() const { return has_holes_; }
+    /// The samples of row (j, k) that may be kernels: outside are none.
+    [[nodiscard]] SampleRange kernels_of_row(std::size_t j, std::size_t k) const {
+        return extents_.empty() ? SampleRange{0, static_cast<std::uint32_t>(shape_[2])} : extents_[k * shape_[1] + j];
+    }
+
+    /// Which sample, (k * nj + j) * ni + i, a number of samples() is or mirrors; -1 for -1.
+    [[nodiscard]] std::int64_t sample_of(std::int64_t number) const;
 
     /// World position of sample (i, j, k).
     [[nodiscard]] Vec3 position(std::size_t i, std::size_t j, std::size_t k) const;
-    /// Value of sample (i, j, k) as float64; NaN where skipped.
+    /// f - b of sample (i, j, k) as float64; NaN where skipped.
     [[nodiscard]] double value(std::size_t i, std::size_t j, std::size_t k) const;
     /// The semi-axes of every kernel's support along the world axes.
     [[nodiscard]] Vec3 semi_axes_world() const;
     /// C of normalisation lattice: the kernel's mass over the volume that one sample stands for.
     [[nodiscard]] double lattice_constant() const;
 
+    /// Where the field ends: half a sample distance beyond the outermost samples (BCC: a / 4 beyond the box of all
+    /// centres), or nowhere. A BCC lattice of one layer counts as boundary zero.
+    [[nodiscard]] const std::optional<Box>& domain_world() const { return domain_world_; }
+    /// Mirrored samples before the first one along k, j and i; as many lie beyond the last one. 0 for boundary zero.
+    [[nodiscard]] const std::array<std::size_t, 3>& mirrored() const { return mirrored_; }
+    /// The lattice of the same kernels and the mirrored ones whose supports reach into the domain, whose sample
+    /// (0, 0, 0) is the farthest mirrored one: a field of boundary zero with this one's base, its sums being the law's
+    /// everywhere. Shares the samples. Null for boundary zero.
+    [[nodiscard]] std::shared_ptr<const RegularField> with_mirrored() const;
+    /// What the lattice counts as in a group with fields that end elsewhere: a field of boundary zero with the base 0.
+    /// Shares the samples, except with `prefilter`, which runs again.
+    [[nodiscard]] std::shared_ptr<const RegularField> without_end() const;
+    /// Smallest and largest f - b of the samples that are at most so many from the outermost ones along any axis.
+    [[nodiscard]] std::array<double, 2> range_near_ends(std::size_t samples) const;
+
   private:
     /// found: null where the prefilter is still to be run, if `options` say so.
     RegularField(SampleArray samples, std::array<std::size_t, 3> shape, const RegularFieldOptions& options,
                  const Progress& progress, PrefilteredSamples* found);
+    /// with_mirrored() of a field.
+    struct Mirrored {};
+    RegularField(const RegularField& inner, Mirrored);
+    /// without_end() of one without a prefilter.
+    struct Endless {};
+    RegularField(const RegularField& inner, Endless);
     /// Makes coefficients the factors of the kernels.
     void take(PrefilteredSamples&& found);
+    /// Where the field ends, and how many mirrored samples reach into it.
+    void find_domain();
+    /// Keeps samples row after row with mirrored ones at both ends.
+    [[nodiscard]] std::shared_ptr<const SampleArray> with_ends(SampleArray&& samples) const;
+    void find_rows();
 
-    SampleArray samples_, given_;
+    std::shared_ptr<const SampleArray> samples_, given_;
     std::array<std::size_t, 3> shape_{};
     RegularFieldOptions options_;
     Box centres_world_;
+    std::optional<Box> domain_world_;
+    std::array<std::size_t, 3> mirrored_{0, 0, 0};
+    std::vector<std::size_t> layers_;            ///< where layers begin
+    std::vector<std::vector<std::size_t>> rows_; ///< where rows begin in a layer; BCC: of even and of odd layers
+    std::vector<SampleRange> extents_;           ///< kernels of each row; empty: all samples
     std::array<double, 2> value_range_{0.0, 0.0}, given_range_{0.0, 0.0};
     std::optional<PrefilterFigures> prefilter_;
     std::size_t kernels_ = 0;
@@ -202,7 +275,9 @@ struct EllipsoidFieldOptions {
     double falloff = 8.0;
     std::optional<double> min_scale{};   ///< world units; shorter semi-axes are raised to it
     std::optional<double> cell_volume{}; ///< V of normalisation lattice: the volume that one kernel stands for
-    /// Where the kernels are a part of a larger field: the range of its values.
+    double base = 0.0;                   ///< b
+    double least_weight = 0.0;           ///< Field::least_weight()
+    /// Where the kernels are a part of a larger field: that of its value_range().
     std::optional<std::array<double, 2>> value_range{};
 };
 
@@ -231,7 +306,8 @@ class EllipsoidField final : public Field {
     [[nodiscard]] bool isotropic() const { return arrays_.scales.empty(); }
 
     [[nodiscard]] const Vec3& center(std::size_t i) const { return arrays_.centers[i]; }
-    [[nodiscard]] double value(std::size_t i) const { return arrays_.values[i]; }
+    /// f - b of a kernel.
+    [[nodiscard]] double value(std::size_t i) const { return arrays_.values[i] - base_; }
     [[nodiscard]] double weight(std::size_t i) const { return arrays_.weights.empty() ? 1.0 : arrays_.weights[i]; }
     /// The three semi-axes.
     [[nodiscard]] Vec3 semi_axes(std::size_t i) const {

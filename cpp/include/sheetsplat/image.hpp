@@ -27,10 +27,10 @@ struct Settings {
 struct Image {
     Size size{};
     std::vector<float> rgba;     ///< h * w * 4, premultiplied, linear; empty in scalar modes
-    std::vector<float> scalar;   ///< h * w, modes xray and mip
+    std::vector<float> scalar;   ///< h * w, scalar modes; NaN where no slice counts (mode xray: 0)
     std::vector<float> coverage; ///< h * w, when asked for
     std::vector<float> depth;    ///< h * w, when asked for; infinite where nothing is
-    std::vector<float> counts;   ///< h * w, of a part in modes minimum and average: slices that count, or 1 for any
+    std::vector<float> counts; ///< h * w, of a part in modes average, mip and minimum: slices that count, or 1 for any
     std::shared_ptr<const RenderPlan> plan;
     std::map<std::string, double> stats; ///< seconds per stage, slices, kernels drawn and culled, bytes
     /// What replaced the scene's own settings (RendererOptions::max_error and max_seconds); else nothing.
@@ -46,15 +46,23 @@ struct ErrorEstimate {
     std::vector<float> map;         ///< h * w: each pixel's own, rmse^2 is the mean of their squares
 };
 
-/// Distances of two pictures: over premultiplied RGBA in [0, 1], or scalars divided by max(1, largest reference value).
+/// What a pixel counts as that is no number in one of two pictures.
+enum class Gaps {
+    infinite, ///< infinitely far off
+    left_out, ///< as far off as if both were none: whether any slice counts there is not what is asked
+};
+
+/// Distances of two pictures: over premultiplied RGBA in [0, 1], or scalars divided by max(1, largest absolute value of
+/// the reference).
 struct Difference {
     double rmse = 0.0;
     double p99_9 = 0.0; ///< 99.9th percentile of the largest channel difference of a pixel
     double maximum = 0.0;
 };
 
-/// channels: values a pixel, 4 or 1. Throws InvalidInput where the sizes differ. NaN in one only counts as infinite.
-Difference compare(const std::vector<float>& picture, const std::vector<float>& reference, int channels);
+/// channels: values a pixel, 4 or 1. Throws InvalidInput where the sizes differ. NaN in both counts as 0.
+Difference compare(const std::vector<float>& picture, const std::vector<float>& reference, int channels,
+                   Gaps gaps = Gaps::infinite);
 
 /// Straight alpha, clamped, 8 bit, no gamma; scalar pictures are scaled to their largest value. Whole or not at all.
 /// Throws Error where the file cannot be written.

@@ -4,6 +4,7 @@
 #include <array>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "sheetsplat/camera.hpp"
@@ -97,6 +98,10 @@ struct Part {
     std::shared_ptr<const std::vector<float>> in_front{};
     /// World-aligned box of all supports of the whole: Renderer::plan_light needs it.
     Box supports{};
+    /// Where the whole ends (RegularField::domain_world), if anywhere.
+    std::optional<Box> domain{};
+    /// Kernels reach every point of the domain.
+    bool filled = false;
     /// What shadows and ambient occlusion of the whole leave of light: pictures with them need it.
     std::shared_ptr<const LightVolumes> light{};
 
@@ -153,6 +158,23 @@ struct Group {
     const TransferFunction* transfer_function; ///< the scene's: valid while that is
 };
 
+/// What a renderer makes of the bases and the ends of fields (conventions, section 2) before it draws them as sums of
+/// kernels: fields hold their mirrored samples and end nowhere, `clip` ends them, and transfer functions are counted from
+/// the bases of each group's fields, which add up; iso values as iso_values_of() says.
+struct Counted {
+    std::vector<double> bases{}; ///< of each group, what its transfer function and iso values are counted from
+    /// The picture says how many slices of each pixel count: an x-ray is drawn as the average where bases are not 0.
+    bool counts = false;
+    Clip clip{}; ///< the scene's own, without the ends of fields
+    /// Kernels reach every point that the ends of fields keep: no point there is empty.
+    bool filled = false;
+    /// Where the fields of each group end, if they do not all end in one place; then `clip` does not end them.
+    std::vector<std::optional<Box>> ends{};
+    /// Why mirrored samples and ends are drawn, or why they are not.
+    bool mirrored = false;
+    std::string reason{};
+};
+
 /// Everything about a picture but the camera and its size; a depth limit belongs to one camera and size.
 struct Scene {
     /// A group after the first one: its transfer function, and where in `fields` it begins. It ends where the next
@@ -185,6 +207,7 @@ struct Scene {
     bool shadows = false; ///< of all lights
     std::optional<AmbientOcclusion> ambient_occlusion{};
     std::optional<Vec3> background{};
+    std::optional<Counted> counted{}; ///< set by renderers alone
     std::optional<Part> part{}; ///< where the fields are a part of larger ones: the picture has no background then
 
     /// All groups, the first one included. In scalar modes the scalars of all groups add up.

@@ -127,8 +127,10 @@ void clear_picture(const Job& job, const LoopSetup<T>& setup, const TileShape& s
     if (picture.depth != nullptr) {
         fill_infinite(picture.depth);
     }
-    if (plan.mode == Mode::minimum) {
-        fill_infinite(picture.scalar);
+    if (plan.mode == Mode::minimum || plan.mode == Mode::mip) {
+        // What any number replaces.
+        const T least = std::numeric_limits<T>::infinity();
+        std::fill(picture.scalar, picture.scalar + elements, plan.mode == Mode::minimum ? least : -least);
     }
     scratch.row_alive.assign(static_cast<std::size_t>(shape.height), shape.width);
     picture.row_alive = scratch.row_alive.data();
@@ -138,30 +140,28 @@ void clear_picture(const Job& job, const LoopSetup<T>& setup, const TileShape& s
     }
 }
 
-/// Of pixels where no slice counted the scalar is 0.
+/// Pixels where no slice counts are no number.
 template <class T>
 void finish_scalars(const DrawPlan& plan, const TileShape& shape, TilePicture<T>& picture) {
     const std::size_t elements = shape.picture_elements();
-    if (plan.mode == Mode::minimum) {
-        std::replace(picture.scalar, picture.scalar + elements, std::numeric_limits<T>::infinity(), T(0));
+    const T none = std::numeric_limits<T>::quiet_NaN();
+    if (plan.mode == Mode::minimum || plan.mode == Mode::mip) {
+        const T least = std::numeric_limits<T>::infinity();
+        std::replace(picture.scalar, picture.scalar + elements, plan.mode == Mode::minimum ? least : -least, none);
     }
     for (std::size_t at = 0; at < elements && picture.counted != nullptr; ++at) {
-        picture.scalar[at] /= std::max(picture.counted[at], T(1));
+        picture.scalar[at] = picture.counted[at] > T(0) ? picture.scalar[at] / picture.counted[at] : none;
     }
 }
 
-/// Of mode minimum: 1 where any slice counts.
 template <class T>
-void copy_counts(const DrawPlan& plan, const TileShape& shape, const TilePicture<T>& picture, Image& image, Size size) {
+void copy_counts(const TileShape& shape, const TilePicture<T>& picture, Image& image, Size size) {
     for (int y = 0; y < shape.height; ++y) {
         const std::ptrdiff_t from = static_cast<std::ptrdiff_t>(y) * shape.stride;
         const std::size_t to = static_cast<std::size_t>(shape.y + y) * static_cast<std::size_t>(size.width) +
                                static_cast<std::size_t>(shape.x);
         for (int x = 0; x < shape.width; ++x) {
-            const T counted = plan.mode == Mode::average             ? picture.counted[from + x]
-                              : std::isinf(picture.scalar[from + x]) ? T(0)
-                                                                     : T(1);
-            image.counts[to + static_cast<std::size_t>(x)] = static_cast<float>(counted);
+            image.counts[to + static_cast<std::size_t>(x)] = static_cast<float>(picture.counted[from + x]);
         }
     }
 }
@@ -237,7 +237,7 @@ struct CpuRenderer::State {
     std::unique_ptr<SortedView> sorted;
     /// Of the last lattice that was looked up, which is kept so that no other one gets its address.
     std::shared_ptr<const Field> extremes_field;
-    Extreme extreme = Extreme::largest;
+    double extremes_sign = 1.0;
     LatticeExtremes extremes;
     std::vector<TileScratch<float>> scratch_float;
     std::vector<TileScratch<double>> scratch_double;
@@ -299,13 +299,13 @@ struct CpuRenderer::State {
         const auto preparing = Clock::now();
         const RegularPart& part = job.regular.front();
         const std::shared_ptr<const Field>& field = job.scene->fields[part.field];
-        const Extreme wanted = job.plan->mode == Mode::minimum ? Extreme::smallest : Extreme::largest;
-        const bool reused = extremes_field == field && extreme == wanted;
+        const double wanted = job.plan->mode == Mode::minimum ? 1.0 : -1.0;
+        const bool reused = extremes_field == field && extremes_sign == wanted;
         if (!reused) {
             extremes_field.reset();
             extremes = LatticeExtremes::of(*part.view->field, wanted, *pool, [&] { tell(0.0); });
             extremes_field = field;
-            extreme = wanted;
+            extremes_sign = wanted;
         }
         image.stats["buckets_reused"] = reused ? 1.0 : 0.0;
         image.stats["seconds_bucket"] = seconds_since(preparing);
@@ -317,7 +317,7 @@ struct CpuRenderer::State {
         const Shading<T> shading = make_shading<T>(*job.scene, *job.camera, *job.frame, *job.plan, job.volumes);
         const LoopSetup<T> setup = make_setup(job, shading);
         const ExtremesView view{part.view->field,
-                                extreme,
+                                wanted,
                                 &extremes,
                                 &places.front(),
                                 job.frame,
@@ -430,7 +430,7 @@ struct CpuRenderer::State {
         }
         if (setup.record == nullptr) {
             if (job.plan->counts) {
-                copy_counts(*job.plan, shape, room.planes, image, size);
+                copy_counts(shape, room.planes, image, size);
             }
             finish_scalars(*job.plan, shape, room.planes);
             copy_picture(shape, room.planes, image, size);

@@ -90,7 +90,6 @@ class RowFeed {
     /// how many. In place of batches.
     template <class Visit>
     HWY_INLINE void for_each_stretch(const Visit& visit) {
-        const auto& dims = view_.field->shape();
         kernels_.counted = 0;
         std::visit(
             [&](const auto& data) {
@@ -99,12 +98,38 @@ class RowFeed {
                     poll_after(part->end - part->begin);
                     for_each_run(
                         *part, part->begin, part->end, [&](const Run&, std::uint32_t begin, std::uint32_t end) {
-                            visit(data.data() + part->row * dims[2] + begin, eye_of(part->row, begin), end - begin);
+                            visit(data.data() + row_begin(part->row) + begin, eye_of(part->row, begin), end - begin);
                         });
                 }
             },
             view_.field->samples());
         batch_ = batches_;
+    }
+
+    /// Of `count` neighbouring samples from one at `eye` on, those whose supports half spaces keep as a whole: begin <=
+    /// i < end.
+    [[nodiscard]] std::pair<std::uint32_t, std::uint32_t> wholly_kept(const std::vector<KeptHalfSpace>& kept,
+                                                                      const Vec3& eye, std::uint32_t count) const {
+        Cut cut{0.0, static_cast<double>(count)};
+        const Vec3 axes = view_.field->semi_axes_world();
+        const glm::dmat3 own{axes.x * glm::normalize(view_.step_i), axes.y * glm::normalize(view_.step_j),
+                             axes.z * glm::normalize(view_.step_k)};
+        // A filter adds to the squares of the extents along the picture's axes.
+        const glm::dmat3 rows = glm::transpose(own);
+        const Vec3 wide(view_.extent_x, view_.extent_y, view_.half_depth);
+        const Vec3 added = wide * wide - Vec3(glm::dot(rows[0], rows[0]), glm::dot(rows[1], rows[1]),
+                                              glm::dot(rows[2], rows[2]));
+        for (const KeptHalfSpace& half : kept) {
+            const Vec3 along = half.normal * own;
+            const double squared =
+                glm::dot(along, along) + std::max(0.0, glm::dot(half.normal * half.normal, added));
+            cut.keep(glm::dot(half.normal, eye) + half.distance, glm::dot(half.normal, view_.step_i),
+                     std::sqrt(squared) * (1.0 + 1e-9), std::numeric_limits<double>::infinity());
+        }
+        if (!(cut.low < cut.high)) {
+            return {0, 0};
+        }
+        return {static_cast<std::uint32_t>(cut.low), static_cast<std::uint32_t>(cut.high)};
     }
 
     /// In orthographic views: pixels of the tile's sheets, and slices from slice 0.
@@ -140,6 +165,13 @@ class RowFeed {
         const std::size_t rows = view_.field->shape()[1];
         return view_.eye_position(sample, row % rows, row / rows);
     }
+    /// Where a row begins in the field's samples.
+    [[nodiscard]] std::size_t row_begin(std::size_t row) const {
+        const std::size_t rows = view_.field->shape()[1];
+        return view_.field->row(row % rows, row / rows);
+    }
+    /// What is subtracted from samples before they are scaled.
+    [[nodiscard]] double origin_of_values() const { return view_.field->counted_from() + kernels_.pivot; }
     [[nodiscard]] HWY_INLINE double depth_of(const Vec3& eye) const {
         return (-eye.z - frame_.first_depth) * per_spacing_;
     }
@@ -338,7 +370,6 @@ class RowFeed {
         rows.stretches.clear();
         rows.pieces.clear();
         rows.slots.clear();
-        const auto& dims = view_.field->shape();
         for (std::uint32_t at = rows.offset[batch]; at < rows.offset[batch + 1]; ++at) {
             const RowPart& part = begin_[rows.parts[at]];
             std::uint32_t begin = part.begin, end = part.end;
@@ -368,7 +399,7 @@ class RowFeed {
                 if (any) {
                     const Vec3 unit = unit_at(first);
                     rows.stretches.push_back(
-                        {part.row * dims[2] + start, depth_of(first), step_, {unit.x, unit.y, unit.z}});
+                        {row_begin(part.row) + start, depth_of(first), step_, {unit.x, unit.y, unit.z}});
                 }
             });
         }
@@ -427,7 +458,7 @@ class RowFeed {
     template <class Value>
     void write(const Value* values, double least, Section<T>* sections) {
         const RowBatches& rows = kernels_.rows;
-        const double value_scale = scale_of_values(), pivot = kernels_.pivot;
+        const double value_scale = scale_of_values(), origin_value = origin_of_values();
         const double per_slice = frame_.slice_spacing * per_half_depth_;
         const auto origin = static_cast<std::int32_t>(least);
         const std::int32_t* slot = rows.slots.data();
@@ -437,7 +468,7 @@ class RowFeed {
             // Numbers first; then each to its place.
             T a1[fed_together], a2[fed_together], s[fed_together], value[fed_together];
             for (std::uint32_t i = 0; i < piece.count; ++i) {
-                value[i] = static_cast<T>((static_cast<double>(here[i]) - pivot) * value_scale);
+                value[i] = static_cast<T>((static_cast<double>(here[i]) - origin_value) * value_scale);
             }
             for (std::uint32_t i = 0; i < fed_together; ++i) {
                 const auto along = static_cast<double>(static_cast<std::int32_t>(piece.from + i));
@@ -478,7 +509,7 @@ class RowFeed {
                 section.first = static_cast<std::int32_t>(first);
                 extra.last = static_cast<std::int32_t>(last);
                 const Vec3 place_eye = eye + along * view_.step_i;
-                const double value = (static_cast<double>(values[i]) - kernels_.pivot) * scale_of_values();
+                const double value = (static_cast<double>(values[i]) - origin_of_values()) * scale_of_values();
                 if (view_.unfiltered) {
                     add_filtered(place_eye, value, section, extra);
                     continue;

@@ -113,7 +113,8 @@ struct Mixture {
 /// Of Kind Slices or Intervals: what a group takes of a row, and its colours. Returns whether there is anything.
 template <class Kind, bool perspective, class T>
 HWY_INLINE bool take(const GroupSlab<T>& of, EffectRow<T>& row, const Columns& here, const Columns& after) {
-    if (!Kind::see(of.slab, row, here, after)) {
+    const Columns own = of.slab.columns_of_group(row.y, 0, here);
+    if (!Kind::see(of.slab, row, own, Kind::between ? of.slab.columns_of_group(row.y, 1, after) : after)) {
         return false;
     }
     find_gradients_of<perspective, Kind::between>(of.slab, row, of.scale);
@@ -228,6 +229,11 @@ HWY_NOINLINE bool see_crossings(const std::vector<GroupSlab<T>>& slabs, EffectRo
                 left = hn::Sub(to, from);
                 rank =
                     hn::IfThenElseZero(hn::Gt(left, zero), hn::IfThenElse(hn::Lt(front, back), from, hn::Sub(to, one)));
+                if (!slab.group.kept.empty()) {
+                    auto inside = slab.within(d, hn::Gt(left, zero), x, slab.columns_of_group(row.y, 0, here));
+                    inside = slab.within(d, inside, x, slab.columns_of_group(row.y, 1, after));
+                    left = hn::IfThenElseZero(inside, left);
+                }
                 some = hn::Or(some, hn::Gt(left, zero));
             }
             hn::Store(rank, d, crossed.groups[number].rank + (x - row.begin));

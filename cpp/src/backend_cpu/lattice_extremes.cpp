@@ -21,23 +21,22 @@ float rounded_up(double share) {
 
 } // namespace
 
-LatticeExtremes LatticeExtremes::of(const RegularField& field, Extreme extreme, ThreadPool& pool,
+LatticeExtremes LatticeExtremes::of(const RegularField& field, double sign, ThreadPool& pool,
                                     const std::function<void()>& poll) {
     LatticeExtremes found;
-    const bool smallest = extreme == Extreme::smallest;
+    const bool smallest = sign > 0.0;
     const std::array<std::size_t, 3> shape = field.shape();
     // C++17 lets lambdas capture variables, not structured bindings.
     const std::size_t nk = shape[0], nj = shape[1], ni = shape[2];
     const double radius = field.options().radius;
     const auto [least, greatest] = field.value_range();
-    const double largest = smallest ? std::max(std::abs(least), std::abs(greatest)) : greatest;
+    const double farthest = std::max(std::abs(least), std::abs(greatest));
+    const double largest = farthest > 0.0 ? farthest : 1.0;
+    const double base = field.counted_from();
     const Ripple ripple = lattice_ripple(field);
     found.scale_ = largest * ExtremeBlocks::weights(field, ripple.upper);
     found.blocks_ = {ExtremeBlocks::count_along(ni, radius), ExtremeBlocks::count_along(nj, radius),
                      ExtremeBlocks::count_along(nk, radius)};
-    if (found.scale_ <= 0.0) {
-        return found;
-    }
     const auto across = static_cast<std::size_t>(found.blocks_[0]), down = static_cast<std::size_t>(found.blocks_[1]);
     const auto deep = static_cast<std::size_t>(found.blocks_[2]);
     const std::string what = "the bounds of blocks of samples";
@@ -54,7 +53,8 @@ LatticeExtremes LatticeExtremes::of(const RegularField& field, Extreme extreme, 
             using Value = typename std::decay_t<decltype(samples)>::value_type;
             // (A NaN is not beyond anything.)
             const auto beyond = [smallest](Value a, Value b) { return smallest ? a < b : a > b; };
-            const Value nothing = smallest ? std::numeric_limits<Value>::max() : Value{0};
+            const Value nothing =
+                smallest ? std::numeric_limits<Value>::max() : std::numeric_limits<Value>::lowest();
             pool.run(
                 deep,
                 [&](std::size_t k, int) {
@@ -67,7 +67,7 @@ LatticeExtremes LatticeExtremes::of(const RegularField& field, Extreme extreme, 
                         std::fill(most.begin(), most.end(), nothing);
                         for (std::size_t layer = layers.begin; layer < layers.end; ++layer) {
                             for (std::size_t row = rows.begin; row < rows.end; ++row) {
-                                const Value* from = samples.data() + (layer * nj + row) * ni;
+                                const Value* from = samples.data() + field.row(row, layer);
                                 if (smallest) {
                                     for (std::size_t i = 0; i < ni; ++i) {
                                         most[i] = from[i] < most[i] ? from[i] : most[i];
@@ -91,16 +91,15 @@ LatticeExtremes LatticeExtremes::of(const RegularField& field, Extreme extreme, 
                             const auto value = static_cast<double>(
                                 *std::max_element(most.data() + along.begin, most.data() + along.end,
                                                   [&](Value a, Value b) { return beyond(b, a); }));
-                            bounds[i] = smallest ? below(value, inside && ExtremeBlocks::is_inside(block_i, ni, radius))
-                                                 : rounded_up(value / largest);
+                            bounds[i] = below(sign * (value - base),
+                                              inside && ExtremeBlocks::is_inside(block_i, ni, radius));
                         }
                     }
                 },
                 poll);
         },
         field.samples());
-    found.farthest_ = smallest ? *std::min_element(found.bounds_.begin(), found.bounds_.end())
-                               : *std::max_element(found.bounds_.begin(), found.bounds_.end());
+    found.least_ = *std::min_element(found.bounds_.begin(), found.bounds_.end());
     return found;
 }
 

@@ -8,6 +8,7 @@
 
 #include "backend_cpu/number.hpp"
 #include "plan/pivot.hpp"
+#include "plan/tells_empty.hpp"
 #include "scene/mode_rules.hpp"
 
 namespace sheetsplat::backend_cpu {
@@ -69,13 +70,14 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     setup.shading = &shading;
     const bool counts = counts_weighted_slices(plan.mode), by_place = (counts || plan.empty_test) && !plan.weight;
     setup.counts_by_place = counts && by_place;
-    setup.keep_weight = plan.coverage || ((counts || plan.empty_test) && plan.weight);
+    setup.keep_weight = plan.coverage || tells_empty(plan);
     setup.slab = plan.sampling == Sampling::slab;
     setup.perspective = frame.projection == Projection::perspective;
     setup.intervals = uses_intervals(plan.mode, plan.preintegration);
     setup.stops = (plan.stop || plan.mode == Mode::isosurface || plan.depth_limit) && !plan.coverage;
     // (A pixel that ends looks at each slice.)
-    setup.sums_slices = (plan.mode == Mode::xray || (plan.mode == Mode::average && by_place)) && !plan.clip &&
+    const bool filled = job.scene->counted && job.scene->counted->filled;
+    setup.sums_slices = (plan.mode == Mode::xray || (plan.mode == Mode::average && by_place && (filled || !plan.clip))) &&
                         !plan.owned && !setup.stops && !plan.coverage && !setup.slab && !setup.perspective;
     setup.slices = frame.slices;
     setup.first_depth = frame.first_depth;
@@ -146,6 +148,7 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
                 own.weight_slope_channel = profile.weight_slope_channel = three();
             }
             own.w0 = divisor<T>(source.w0());
+            own.least_weight = number<T>(source.least_weight());
             own.pivot = pivot(field);
             group.own.push_back(own);
         } else {

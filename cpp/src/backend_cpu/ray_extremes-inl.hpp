@@ -1,6 +1,6 @@
-// Modes mip and minimum of a lattice: each pixel's ray looks up the slice points where rho can be larger (or smaller)
-// than what it has found, by the bounds of LatticeExtremes. The first points that it looks at are those where its
-// neighbours found theirs. What is found does not depend on the order. Source: conventions, sections 2, 3 and 7.
+// Modes mip and minimum of a lattice: each pixel's ray looks up the slice points where rho (in mode mip, -rho) can be
+// smaller than what it has found, by the bounds of LatticeExtremes. The first points that it looks at are those where
+// its neighbours found theirs. What is found does not depend on the order. Source: conventions, sections 2, 3 and 7.
 
 #if defined(SHEETSPLAT_CPU_RAY_EXTREMES_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef SHEETSPLAT_CPU_RAY_EXTREMES_INL
@@ -35,7 +35,9 @@ template <class T, class Value, int half>
 class LatticePoints {
   public:
     LatticePoints(const RegularField& field, double value_scale)
-        : values_(std::get<std::vector<Value>>(field.samples()).data()), ni_(as_signed(field.shape()[2])),
+        : field_(field), values_(std::get<std::vector<Value>>(field.samples()).data()),
+          counted_from_(field.counted_from()), rounded_from_(static_cast<T>(counted_from_)),
+          rest_(static_cast<T>(counted_from_ - static_cast<double>(rounded_from_))), ni_(as_signed(field.shape()[2])),
           nj_(as_signed(field.shape()[1])), nk_(as_signed(field.shape()[0])), value_scale_(value_scale),
           falloff_(
               static_cast<T>(-field.kernel().falloff * log2_e / (field.options().radius * field.options().radius))),
@@ -88,12 +90,14 @@ class LatticePoints {
 
     static std::int64_t as_signed(std::size_t n) { return static_cast<std::int64_t>(n); }
 
-    static HWY_INLINE T factor(Value value) {
-        if constexpr (std::is_floating_point_v<Value>) {
-            // NaN: no kernel.
-            return value == value ? static_cast<T>(value) : T(0);
+    /// What a kernel adds: its value, counted from the base. NaN: no kernel.
+    HWY_INLINE T factor(Value value) const {
+        if constexpr (sizeof(Value) > sizeof(T)) {
+            return value == value ? static_cast<T>(static_cast<double>(value) - counted_from_) : T(0);
+        } else if constexpr (std::is_floating_point_v<Value>) {
+            return value == value ? (static_cast<T>(value) - rounded_from_) - rest_ : T(0);
         } else {
-            return static_cast<T>(value);
+            return (static_cast<T>(value) - rounded_from_) - rest_;
         }
     }
 
@@ -105,9 +109,8 @@ class LatticePoints {
                 std::memset(window, 0, sizeof window);
             }
             for (int z = 0; z < width; ++z) {
-                const Value* from = values_ + ((k + z) * nj_ + j) * ni_ + i;
-                for (int y = 0; y < width; ++y, from += ni_) {
-                    std::memcpy(window + z * layer + y * row, from, width * sizeof(Value));
+                for (int y = 0; y < width; ++y) {
+                    std::memcpy(window + z * layer + y * row, row_of(j + y, k + z) + i, width * sizeof(Value));
                 }
             }
             for (int at = 0; at < width * layer; ++at) {
@@ -119,13 +122,20 @@ class LatticePoints {
         for (std::int64_t z = std::max<std::int64_t>(0, -k); z < std::min<std::int64_t>(width, nk_ - k); ++z) {
             for (std::int64_t y = std::max<std::int64_t>(0, -j); y < std::min<std::int64_t>(width, nj_ - j); ++y) {
                 for (std::int64_t x = std::max<std::int64_t>(0, -i); x < std::min<std::int64_t>(width, ni_ - i); ++x) {
-                    to[z * layer + y * row + x] = factor(values_[((k + z) * nj_ + j + y) * ni_ + i + x]);
+                    to[z * layer + y * row + x] = factor(row_of(j + y, k + z)[i + x]);
                 }
             }
         }
     }
 
+    [[nodiscard]] HWY_INLINE const Value* row_of(std::int64_t j, std::int64_t k) const {
+        return values_ + field_.row(static_cast<std::size_t>(j), static_cast<std::size_t>(k));
+    }
+
+    const RegularField& field_;
     const Value* values_;
+    const double counted_from_;
+    const T rounded_from_, rest_; ///< of counted_from_
     const std::int64_t ni_, nj_, nk_;
     const double value_scale_;
     const T falloff_; ///< -k log2(e) over the squared radius
@@ -133,7 +143,7 @@ class LatticePoints {
     HWY_ALIGN T columns_[layer], rows_[layer]; ///< what is added to a place's distance from the sample before it
 };
 
-template <class T, class Points, Extreme extreme>
+template <class T, class Points>
 class RayExtremes {
   public:
     RayExtremes(const ExtremesView& view, const TileShape& tile, const TilePicture<T>& picture, const Points& points)
@@ -141,7 +151,7 @@ class RayExtremes {
           last_(view.places->places(TileShape{}, view.frame->slices - 1)),
           per_slice_(1.0 / std::max<double>(1.0, most())), radius_(view.places->radius()),
           past_(view.places->last() + view.places->radius()),
-          per_value_(1.0 / (view.value_scale * view.bounds->scale())), farthest_(view.bounds->farthest()) {}
+          per_value_(1.0 / (view.value_scale * view.bounds->scale())), least_(view.bounds->least()) {}
 
     /// Writes a tile's numbers. Returns how many points were looked up.
     std::uint64_t run(const std::function<bool()>& between) {
@@ -154,14 +164,13 @@ class RayExtremes {
                 if (given_up_) {
                     return looked_up_;
                 }
-                picture_.scalar[in_plane(x, y)] = rho * static_cast<T>(view_.scalar_step);
+                picture_.scalar[in_plane(x, y)] = rho * static_cast<T>(view_.sign * view_.scalar_step);
             }
         }
         return looked_up_;
     }
 
   private:
-    static constexpr bool smallest = extreme == Extreme::smallest;
     static constexpr std::int64_t none = -1;
     /// Points and blocks between two questions whether to go on.
     static constexpr std::uint64_t steps_between_polls = 8192;
@@ -174,12 +183,7 @@ class RayExtremes {
         return static_cast<std::ptrdiff_t>(y) * tile_.stride + x;
     }
 
-    template <class Number>
-    [[nodiscard]] static HWY_INLINE bool is_beyond(Number a, Number b) {
-        return smallest ? a < b : a > b;
-    }
-
-    /// What a block's bound must be beyond, where rho has been found.
+    /// What a block's bound must be less than, where rho has been found.
     [[nodiscard]] float limit(T rho) const {
         const double share = static_cast<double>(rho) * per_value_;
         const double size = std::abs(share);
@@ -187,14 +191,15 @@ class RayExtremes {
             return nothing_found;
         }
         if (size <= least_share) {
-            return smallest && rho > T(0) ? static_cast<float>(least_share) : 0.0F;
+            return rho > T(0) ? static_cast<float>(least_share) : 0.0F;
         }
-        return static_cast<float>(share + (smallest ? slack : -slack) * size);
+        return static_cast<float>(share + slack * size);
     }
-    /// Every bound that allows anything is beyond it.
-    static constexpr float nothing_found = smallest ? 3.0F : 0.0F;
+    /// Every bound is less.
+    static constexpr float nothing_found = 3.0F;
 
-    /// left, above: slices where neighbouring rays found their extremes; both become that of this ray.
+    /// left, above: slices where neighbouring rays found their extremes; both become that of this ray. NaN where no
+    /// point counts.
     T ray(int x, int y, std::int64_t& left, std::int64_t& above, const std::function<bool()>& between) {
         const auto at = [&](const LatticeReach::Places& places) {
             return places.first + static_cast<double>(tile_.x + x) * places.by_column +
@@ -208,16 +213,16 @@ class RayExtremes {
         clip(x, y, low, high);
         // (A pixel that leaves the lattice aside forgets where its neighbours found theirs.)
         std::int64_t found = none;
-        T most_of_all = T(0);
+        T least = std::numeric_limits<T>::quiet_NaN();
         float beyond = nothing_found;
         const auto look_at = [&](std::int64_t n) {
-            if (smallest && !reaches(start + static_cast<double>(n) * step)) {
+            if (!reaches(start + static_cast<double>(n) * step)) {
                 return;
             }
             const T rho = points_.rho(start, step, n);
             ++looked_up_;
-            if (is_beyond(rho, most_of_all) || (smallest && found == none)) {
-                most_of_all = rho;
+            if (found == none || rho < least) {
+                least = rho;
                 found = n;
                 beyond = limit(rho);
             }
@@ -225,14 +230,14 @@ class RayExtremes {
         if (low <= high) {
             const auto begin = static_cast<std::int64_t>(std::ceil(low)), end = static_cast<std::int64_t>(high) + 1;
             for (const std::int64_t n : {left, above}) {
-                if (n >= begin && n < end && n != found && is_beyond(farthest_, beyond)) {
+                if (n >= begin && n < end && n != found && least_ < beyond) {
                     look_at(n);
                 }
             }
             march(start, step, begin, end, beyond, look_at, between);
         }
         left = above = found;
-        return most_of_all;
+        return least;
     }
 
     /// Keeps the slices whose points lie where kernels reach along one axis.
@@ -294,7 +299,7 @@ class RayExtremes {
         const auto& blocks = view_.bounds->blocks();
         const float* all_bounds = view_.bounds->bounds();
         HWY_ALIGN float bounds[8];
-        for (std::int64_t n = begin; n < end && is_beyond(farthest_, beyond); n += lanes) {
+        for (std::int64_t n = begin; n < end && least_ < beyond; n += lanes) {
             const auto slice = hn::Iota(d, static_cast<double>(n));
             auto block = hn::Zero(d);
             for (int axis = 2; axis >= 0; --axis) {
@@ -306,11 +311,11 @@ class RayExtremes {
             const auto bound = hn::GatherIndex(d_share, all_bounds, hn::DemoteTo(d_whole, block));
             asked_ += static_cast<std::uint64_t>(lanes);
             const auto limit = hn::Set(d_share, beyond);
-            if (!hn::AllFalse(d_share, smallest ? hn::Lt(bound, limit) : hn::Gt(bound, limit))) {
+            if (!hn::AllFalse(d_share, hn::Lt(bound, limit))) {
                 hn::Store(bound, d_share, bounds);
                 const int count = static_cast<int>(std::min<std::int64_t>(lanes, end - n));
                 for (int lane = 0; lane < count; ++lane) {
-                    if (is_beyond(bounds[lane], beyond)) {
+                    if (bounds[lane] < beyond) {
                         look_at(n + lane);
                         asked_ += 16;
                     }
@@ -335,30 +340,22 @@ class RayExtremes {
     const double radius_;
     const Vec3 past_;
     const double per_value_; ///< from the sheets' unit to that of bounds
-    const float farthest_;   ///< bound of any block
+    const float least_;      ///< bound of any block
     std::uint64_t looked_up_ = 0, asked_ = 0;
     bool given_up_ = false;
 };
 
-/// Writes a tile's largest rho, at least 0, or its smallest one to the scalar's plane; between: as TileFunctions::run
-/// takes it. Returns how many points were looked up.
+/// Writes a tile's largest or smallest rho to the scalar's plane; between: as TileFunctions::run takes it. Returns how
+/// many points were looked up.
 template <class T>
 std::uint64_t find_extremes(const ExtremesView& view, const TileShape& tile, const TilePicture<T>& picture,
                             const std::function<bool()>& between) {
-    if (view.bounds->scale() <= 0.0) {
-        std::fill(picture.scalar, picture.scalar + tile.picture_elements(), T(0));
-        return 0;
-    }
     return std::visit(
         [&](const auto& samples) {
             using Value = typename std::decay_t<decltype(samples)>::value_type;
             const auto within = [&](auto half) {
-                const LatticePoints<T, Value, half.value> points(*view.field, view.value_scale);
-                const auto follow = [&](auto extreme) {
-                    return RayExtremes<T, decltype(points), extreme.value>(view, tile, picture, points).run(between);
-                };
-                return view.extreme == Extreme::largest ? follow(std::integral_constant<Extreme, Extreme::largest>())
-                                                        : follow(std::integral_constant<Extreme, Extreme::smallest>());
+                const LatticePoints<T, Value, half.value> points(*view.field, view.sign * view.value_scale);
+                return RayExtremes<T, decltype(points)>(view, tile, picture, points).run(between);
             };
             const double radius = view.places->radius();
             return radius <= 2.0   ? within(std::integral_constant<int, 2>())

@@ -93,7 +93,9 @@ void divide_group(const GroupSheets<T>& group, bool keep_weight, bool from_first
                 const auto value = hn::LoadU(d, ring.plane(n, own.value_channel) + at + x);
                 sum = hn::Add(sum, quotient(value, own_weight, weights + ring.elements(), own.w0, own.pivot));
                 if (keep_weight) {
-                    hn::StoreU(hn::Add(hn::LoadU(d, weight + x), own_weight), d, weight + x);
+                    const auto counts = hn::Ge(own_weight, hn::Set(d, own.least_weight));
+                    hn::StoreU(hn::Add(hn::LoadU(d, weight + x), hn::IfThenElseZero(counts, own_weight)), d,
+                               weight + x);
                 }
             }
             hn::StoreU(sum, d, rho + x);

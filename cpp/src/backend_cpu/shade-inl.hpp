@@ -92,22 +92,21 @@ HWY_INLINE void shade_slab(const Shading<T>& shading, const TileShape& shape, co
         return;
     }
     const Slab<T> slab(shading, shape, window, picture);
-    const auto add = [&](const T* sheet, T step, T* plane) {
-        shading.cuts ? add_sheet<true>(slab, sheet, step, plane) : add_sheet<false>(slab, sheet, step, plane);
+    const auto add = [&](const Slab<T>& of, const T* sheet, T step, T* plane) {
+        shading.cuts ? add_sheet<true>(of, sheet, step, plane) : add_sheet<false>(of, sheet, step, plane);
     };
     const std::size_t groups = shading.groups.size();
     for (std::size_t group = 0; group < groups && picture.coverage != nullptr && window.n >= 0; ++group) {
-        add(Slab<T>(shading, shape, window, picture, group).sheets.weight[0], shading.coverage_step, picture.coverage);
+        const Slab<T> of(shading, shape, window, picture, group);
+        add(of, of.sheets.weight[0], shading.coverage_step, picture.coverage);
     }
     if (shading.open_front && window.n < 0) {
         return;
     }
     if (shading.mode == Mode::xray) {
-        add(window.rho[1], shading.scalar_step, picture.scalar);
-    } else if (shading.mode == Mode::mip) {
-        shading.cuts ? raise_scalar<true>(slab) : raise_scalar<false>(slab);
-    } else if (shading.mode == Mode::minimum) {
-        shading.cuts ? lower_scalar<true>(slab) : lower_scalar<false>(slab);
+        add(slab, window.rho[1], shading.scalar_step, picture.scalar);
+    } else if (shading.mode == Mode::mip || shading.mode == Mode::minimum) {
+        shading.cuts ? find_extreme<true>(slab) : find_extreme<false>(slab);
     } else if (shading.mode == Mode::average) {
         shading.cuts ? add_counted<true>(slab) : add_counted<false>(slab);
     } else if (groups > 1 || shading.several_surfaces) {

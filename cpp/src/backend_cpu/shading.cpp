@@ -39,6 +39,7 @@ GroupShading<T> group_of(const TransferFunction& function, const ShadingInputs::
     }
     group.surface_table = make_surface_table(group.surfaces);
     group.weakest_gradient = inputs.weakest_gradient;
+    group.least_weight = number<T>(inputs.least_weight);
     group.full_gradient = inputs.full_gradient;
     return group;
 }
@@ -134,6 +135,13 @@ template <class T>
 void add_effects(const Scene& scene, const Camera& camera, const Frame& frame, const DrawPlan& plan,
                  const ShadingInputs& inputs, const LightVolumes* volumes, Shading<T>& shading) {
     shading.cuts = plan.cuts() || plan.owned;
+    if (scene.counted) {
+        for (std::size_t n = 0; n < scene.counted->ends.size(); ++n) {
+            const Clip end{{}, scene.counted->ends[n]};
+            shading.groups[n].kept = kept_of(end, camera, frame.slice_spacing);
+            shading.cuts = shading.cuts || !end.empty();
+        }
+    }
     if (plan.clip) {
         shading.kept = kept_of(scene.clip, camera, frame.slice_spacing);
     }

@@ -78,13 +78,17 @@ struct Slab {
         }
         return mask;
     }
+    /// Lanes with weights of points that are not empty.
+    HWY_INLINE M weighs(D d, V weight) const {
+        return hn::And(hn::Ne(weight, hn::Zero(d)), hn::Ge(weight, hn::Set(d, group.least_weight)));
+    }
     /// Lanes whose point of slice n (ahead 1: n + 1) some kernel reaches, where that is looked at.
     HWY_INLINE M reached(D d, M mask, int ahead, int y, int x) const {
         if (!shading.empty_test) {
             return mask;
         }
         if (sheets.reach == nullptr) {
-            return hn::And(mask, hn::Ne(hn::LoadU(d, sheets.weight[ahead] + in_sheet(y) + x), hn::Zero(d)));
+            return hn::And(mask, weighs(d, hn::LoadU(d, sheets.weight[ahead] + in_sheet(y) + x)));
         }
         // Where rho is not 0 some kernel has added to it.
         const M unsure = hn::And(mask, hn::Eq(rho(d, 1 + ahead, y, x), hn::Zero(d)));
@@ -179,12 +183,19 @@ struct Slab {
 
     /// Columns of a row of slice n + ahead that clipping keeps: one interval, since half spaces are convex. In float64.
     [[nodiscard]] Columns columns_kept(int y, int ahead) const {
-        const Rect& rect = window.rect;
-        double first = rect.x0, past = rect.x1;
+        return columns_in(shading.kept, y, ahead, {window.rect.x0, window.rect.x1});
+    }
+    /// Of columns, those inside of where the group's fields end.
+    [[nodiscard]] Columns columns_of_group(int y, int ahead, const Columns& columns) const {
+        return group.kept.empty() ? columns : columns_in(group.kept, y, ahead, columns);
+    }
+    [[nodiscard]] Columns columns_in(const std::vector<KeptHalfSpace>& halves, int y, int ahead,
+                                     const Columns& columns) const {
+        double first = columns.x0, past = columns.x1;
         const double at_depth = shading.first_depth + static_cast<double>(window.n + ahead) * shading.slice_spacing;
         const double wide = shading.pixel * (shading.perspective ? at_depth : 1.0);
         const double up = (shading.axis_y - (shape.y + y)) * wide;
-        for (const KeptHalfSpace& half : shading.kept) {
+        for (const KeptHalfSpace& half : halves) {
             const double step = half.normal.x * wide;
             const double at_0 = half.normal.x * ((shape.x - shading.axis_x) * wide) + half.normal.y * up -
                                 half.normal.z * at_depth + half.distance;
@@ -198,7 +209,7 @@ struct Slab {
             }
         }
         if (!(first < past)) {
-            return {rect.x0, rect.x0};
+            return {columns.x0, columns.x0};
         }
         return {static_cast<int>(first), static_cast<int>(past)};
     }

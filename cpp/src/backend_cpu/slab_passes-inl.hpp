@@ -164,7 +164,8 @@ HWY_INLINE void for_each_kept(const Slab<T>& slab, const Visit& visit) {
     constexpr int lanes = Slab<T>::lanes;
     const Rect& rect = slab.window.rect;
     for (int y = rect.y0; y < rect.y1; ++y) {
-        const Columns kept = cuts ? slab.columns_kept(y, 0) : Columns{rect.x0, rect.x1};
+        const Columns kept =
+            cuts ? slab.columns_of_group(y, 0, slab.columns_kept(y, 0)) : Columns{rect.x0, rect.x1};
         for (int x = kept.x0 / lanes * lanes; x < kept.x1; x += lanes) {
             visit(x, y, kept);
         }
@@ -202,24 +203,12 @@ HWY_NOINLINE void add_sheet(const Slab<T>& slab, const T* sheet, T step, T* plan
     });
 }
 
-/// Maximum intensity.
-template <bool cuts, class T>
-HWY_NOINLINE void raise_scalar(const Slab<T>& slab) {
-    using V = typename Slab<T>::V;
-    const typename Slab<T>::D d;
-    const V step = hn::Set(d, slab.shading.scalar_step);
-    for_each_in_sheet<cuts>(slab, slab.sheets.rho[1], [&](int x, int y, V value) SHEETSPLAT_CPU_INLINE {
-        T* to = slab.picture.scalar + slab.in_plane(y) + x;
-        hn::StoreU(hn::Max(hn::LoadU(d, to), hn::Mul(value, step)), d, to);
-    });
-}
-
 /// Calls visit(x, y, lanes) for vectors with points of the slice that some kernel reaches and that are kept.
 template <bool cuts, class T, class Visit>
 HWY_INLINE void for_each_reached(const Slab<T>& slab, const Visit& visit) {
     const typename Slab<T>::D d;
     for_each_kept<cuts>(slab, [&](int x, int y, const Columns& kept) SHEETSPLAT_CPU_INLINE {
-        auto reached = hn::Ne(hn::LoadU(d, slab.sheets.weight[0] + slab.in_sheet(y) + x), hn::Zero(d));
+        auto reached = slab.weighs(d, hn::LoadU(d, slab.sheets.weight[0] + slab.in_sheet(y) + x));
         if constexpr (cuts) {
             reached = slab.owned(d, slab.kept(d, reached, 0, y, x, kept), y, x);
         }
@@ -229,18 +218,20 @@ HWY_INLINE void for_each_reached(const Slab<T>& slab, const Visit& visit) {
     });
 }
 
-/// The least scalar.
+/// The largest or the smallest scalar.
 template <bool cuts, class T>
-HWY_NOINLINE void lower_scalar(const Slab<T>& slab) {
+HWY_NOINLINE void find_extreme(const Slab<T>& slab) {
     using V = typename Slab<T>::V;
     using M = typename Slab<T>::M;
     const typename Slab<T>::D d;
     const V step = hn::Set(d, slab.shading.scalar_step);
+    const bool largest = slab.shading.mode == Mode::mip;
     for_each_reached<cuts>(slab, [&](int x, int y, M reached) SHEETSPLAT_CPU_INLINE {
         T* to = slab.picture.scalar + slab.in_plane(y) + x;
-        const V least = hn::LoadU(d, to);
+        const V found = hn::LoadU(d, to);
         const V value = hn::Mul(slab.rho(d, 1, y, x), step);
-        hn::StoreU(hn::IfThenElse(reached, hn::Min(least, value), least), d, to);
+        const V either = largest ? hn::Max(found, value) : hn::Min(found, value);
+        hn::StoreU(hn::IfThenElse(reached, either, found), d, to);
     });
 }
 
@@ -275,7 +266,7 @@ HWY_NOINLINE void absorb(const Slab<T>& slab) {
     const V below = hn::Set(d, slab.group.transfer.below), above = hn::Set(d, slab.group.transfer.above);
     const V exponent = hn::Set(d, shading.exponent);
     for (int y = slab.window.rect.y0; y < slab.window.rect.y1; ++y) {
-        const Columns kept = slab.columns_kept(y, 0);
+        const Columns kept = slab.columns_of_group(y, 0, slab.columns_kept(y, 0));
         for (int x = kept.x0 / lanes * lanes; x < kept.x1; x += lanes) {
             const V rho = slab.rho(d, 1, y, x);
             const M seen =

@@ -38,15 +38,74 @@ bool sums_fit(const RowShape<T>& shape) {
     return is_upright(shape) && rows * slices <= most_factors;
 }
 
+/// The slices first <= n <= last of each pixel of a tile that half spaces keep, in rows with a margin on both sides.
+/// Source: conventions, section 10 (clipping).
+template <class T>
+class KeptOfPixels {
+  public:
+    /// Columns on both sides of a tile that vectors may run over.
+    static constexpr int margin = TileShape::padding;
+
+    /// Of an orthographic picture. Takes room from `scratch`.
+    KeptOfPixels(const Shading<T>& shading, const TileShape& tile, std::int64_t slices, TileScratch<T>& scratch)
+        : stride_(margin + tile.stride + margin) {
+        const std::size_t elements = static_cast<std::size_t>(stride_) * static_cast<std::size_t>(tile.height);
+        scratch.first_kept.resize(elements);
+        scratch.last_kept.resize(elements);
+        first_ = scratch.first_kept.data() + margin;
+        last_ = scratch.last_kept.data() + margin;
+        for (int y = 0; y < tile.height; ++y) {
+            const double up = (shading.axis_y - (tile.y + y)) * shading.pixel;
+            for (int x = -margin; x < tile.stride + margin; ++x) {
+                const double over = (tile.x + x - shading.axis_x) * shading.pixel;
+                double first = 0.0, last = static_cast<double>(slices - 1);
+                for (const KeptHalfSpace& half : shading.kept) {
+                    const double at_0 =
+                        half.normal.x * over + half.normal.y * up - half.normal.z * shading.first_depth + half.distance;
+                    const double step = -half.normal.z * shading.slice_spacing;
+                    if (std::abs(step) * (last + 1.0) * 1e6 < std::abs(at_0) || step == 0.0) {
+                        // No slice lies where this changes.
+                        last = at_0 >= 0.0 ? last : -1.0;
+                    } else if (step > 0.0) {
+                        first = std::max(first, std::ceil(-at_0 / step));
+                    } else {
+                        last = std::min(last, std::floor(at_0 / -step));
+                    }
+                }
+                const auto at = static_cast<std::ptrdiff_t>(y) * stride_ + x;
+                first_[at] = static_cast<T>(first);
+                last_[at] = static_cast<T>(std::max(last, first - 1.0));
+            }
+        }
+    }
+
+    [[nodiscard]] const T* first(int y) const { return first_ + static_cast<std::ptrdiff_t>(y) * stride_; }
+    [[nodiscard]] const T* last(int y) const { return last_ + static_cast<std::ptrdiff_t>(y) * stride_; }
+
+    /// How many slices of each pixel are kept, to a plane of the tile's picture.
+    void count(const TileShape& tile, T* counted) const {
+        for (int y = 0; y < tile.height; ++y) {
+            for (int x = 0; x < tile.width; ++x) {
+                counted[static_cast<std::ptrdiff_t>(y) * tile.stride + x] = last(y)[x] - first(y)[x] + T(1);
+            }
+        }
+    }
+
+  private:
+    int stride_;
+    T *first_, *last_;
+};
+
 template <class T>
 class RowSums {
   public:
     /// Adds to a plane of the tile's picture: `step` times what sheets would add up to. Takes room from `scratch`.
-    RowSums(const PartProfile<T>& profile, const RowShape<T>& shape, double value_scale, const TileShape& tile, T step,
-            TileScratch<T>& scratch, T* plane)
+    /// counted_from: what is subtracted from values.
+    RowSums(const PartProfile<T>& profile, const RowShape<T>& shape, double value_scale, double counted_from,
+            const TileShape& tile, T step, TileScratch<T>& scratch, T* plane)
         : profile_(profile), X_(shape.X), Y_(std::abs(shape.Y2)), per_slice_(std::abs(shape.ds)),
           half_x_(1.0 / static_cast<double>(X_)), half_y_(1.0 / static_cast<double>(Y_)), value_scale_(value_scale),
-          tile_(tile), step_(step), plane_(plane), stride_(margin + tile.stride + margin),
+          counted_from_(counted_from), tile_(tile), step_(step), plane_(plane), stride_(margin + tile.stride + margin),
           rows_(static_cast<int>(2.0 * half_y_) + 1), terms_(static_cast<int>(std::ceil(T(2) / per_slice_))) {
         scratch.sums.assign(static_cast<std::size_t>(stride_) * static_cast<std::size_t>(tile.height), T(0));
         sums_ = scratch.sums.data() + margin;
@@ -62,10 +121,34 @@ class RowSums {
             in_terms([&](auto terms) SHEETSPLAT_CPU_INLINE {
                 factors(terms);
                 for (int kernel = 0; kernel < number; ++kernel) {
-                    add_one(terms, kernel, static_cast<T>(static_cast<double>(own[kernel]) * value_scale_));
+                    add_one(terms, kernel,
+                            static_cast<T>((static_cast<double>(own[kernel]) - counted_from_) * value_scale_));
                 }
             });
             for (int kernel = 0; kernel < number; ++kernel) {
+                sections_ += static_cast<std::uint64_t>(sections_of_[kernel]);
+            }
+            added_ += together;
+            if (added_ >= summed_together) {
+                flush();
+            }
+        }
+    }
+
+    /// The same where clipping leaves only some slices of the kernels' pixels.
+    template <class Value>
+    void add_cut(const KeptOfPixels<T>& kept, const Value* values, const Vec3& place, const Vec3& step,
+                 std::uint32_t count) {
+        for (std::uint32_t i = 0; i < count; i += together) {
+            look_at(place, step, i);
+            const int number = static_cast<int>(std::min(together, count - i));
+            for (int kernel = 0; kernel < number; ++kernel) {
+                const double value =
+                    (static_cast<double>(values[i + static_cast<std::uint32_t>(kernel)]) - counted_from_) *
+                    value_scale_;
+                add_one_cut(kept, kernel,
+                            place.z + static_cast<double>(i + static_cast<std::uint32_t>(kernel)) * step.z,
+                            static_cast<T>(value));
                 sections_ += static_cast<std::uint64_t>(sections_of_[kernel]);
             }
             added_ += together;
@@ -214,9 +297,53 @@ class RowSums {
         }
     }
 
+    /// z: of the centre, in slices.
+    HWY_NOINLINE void add_one_cut(const KeptOfPixels<T>& kept, int kernel, double z, T value_t) {
+        const hn::CappedTag<T, TileShape::padding> d;
+        const int lanes = static_cast<int>(hn::Lanes(d));
+        const int row = row_[kernel], column = column_[kernel];
+        const int top = std::max(0, -row), bottom = std::min(rows_, tile_.height - row);
+        const int start = std::max(column & ~(lanes - 1), -margin), end = std::min(past_[kernel], tile_.width);
+        const auto zero = hn::Zero(d), value = hn::Set(d, value_t), minus_k = hn::Set(d, -profile_.falloff_log2);
+        const auto edge = hn::Set(d, profile_.edge);
+        const auto bell_of = [&](T q) SHEETSPLAT_CPU_INLINE {
+            return hn::GetLane(exp2_nonpositive(d, hn::Mul(minus_k, hn::Set(d, q * q))));
+        };
+        // Gaussians along depth and down the rows, then the pixels of each column of vectors.
+        const double reach = 1.0 / static_cast<double>(per_slice_);
+        const double nearest = std::ceil(z - reach);
+        T along[most_factors], down[most_factors];
+        int slices = 0;
+        for (double slice = nearest; slice <= z + reach && slices < most_factors; slice += 1.0) {
+            along[slices++] = bell_of(static_cast<T>(slice - z) * per_slice_);
+        }
+        for (int y = top; y < bottom; ++y) {
+            down[y] = bell_of((off_y_[kernel] + static_cast<T>(y)) * Y_);
+        }
+        const auto front = hn::Set(d, static_cast<T>(nearest)), one = hn::Set(d, T(1));
+        for (int x = start; x < end; x += lanes) {
+            const auto q1 =
+                hn::Mul(hn::Add(hn::Iota(d, static_cast<T>(x - column)), hn::Set(d, off_x_[kernel])), hn::Set(d, X_));
+            const auto bell = exp2_nonpositive(d, hn::Mul(minus_k, hn::Mul(q1, q1)));
+            for (int y = top; y < bottom; ++y) {
+                const auto across = hn::Mul(bell, hn::Set(d, down[y]));
+                const auto first = hn::LoadU(d, kept.first(row + y) + x), last = hn::LoadU(d, kept.last(row + y) + x);
+                auto number = front, sum = zero;
+                for (int slice = 0; slice < slices; ++slice) {
+                    const auto inside = hn::And(hn::Le(first, number), hn::Ge(last, number));
+                    const auto own = hn::Max(hn::MulSub(across, hn::Set(d, along[slice]), edge), zero);
+                    sum = hn::Add(sum, hn::IfThenElseZero(inside, own));
+                    number = hn::Add(number, one);
+                }
+                T* to = sums_ + static_cast<std::ptrdiff_t>(row + y) * stride_ + x;
+                hn::StoreU(hn::MulAdd(value, sum, hn::LoadU(d, to)), d, to);
+            }
+        }
+    }
+
     const PartProfile<T>& profile_;
     const T X_, Y_, per_slice_; ///< of the unit sphere, per pixel and slice
-    const double half_x_, half_y_, value_scale_;
+    const double half_x_, half_y_, value_scale_, counted_from_;
     const TileShape& tile_;
     const T step_;
     T* const plane_;

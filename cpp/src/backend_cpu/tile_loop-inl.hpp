@@ -13,6 +13,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -38,6 +39,9 @@ class TileLoop {
         : setup_(setup), shape_(shape), scratch_(scratch), ring_(scratch.ring.data(), setup.channels, shape),
           live_(shape), reach_(setup.groups.front().reach, shape, scratch) {
         feeds_.reserve(scratch.lattices.size());
+        if (setup.sums_slices && !setup.shading->kept.empty()) {
+            kept_.emplace(*setup.shading, shape, setup.slices, scratch);
+        }
         for (std::size_t part = 0; part < scratch.lattices.size(); ++part) {
             feeds_.emplace_back(scratch.lattices[part], shape, scratch.kernels[part]);
             if (setup.sums_slices && setup.parts[part].weight_channel < 0 &&
@@ -52,6 +56,10 @@ class TileLoop {
 
     void run(const std::function<bool()>& between) {
         if (setup_.counts_by_place && setup_.sums_slices && all_summed_) {
+            if (kept_) {
+                kept_->count(shape_, scratch_.planes.counted);
+                return;
+            }
             count_reached(setup_.groups.front().reach, shape_, setup_.slices, scratch_.planes.counted);
             return;
         }
@@ -132,11 +140,20 @@ class TileLoop {
     void sum(std::size_t part) {
         RowFeed<T>& feed = feeds_[part];
         RowSums<T> sums(setup_.parts[part], scratch_.kernels[part].shapes.front(),
-                        scratch_.lattices[part].view->value_scale, shape_, setup_.shading->scalar_step, scratch_,
-                        scratch_.planes.scalar);
+                        scratch_.lattices[part].view->value_scale, scratch_.lattices[part].view->field->counted_from(),
+                        shape_, setup_.shading->scalar_step, scratch_, scratch_.planes.scalar);
         const Vec3 step = feed.step_of_places();
         feed.for_each_stretch([&](const auto* values, const Vec3& eye, std::uint32_t count) {
-            sums.add(values, feed.place_of(eye), step, count);
+            const Vec3 place = feed.place_of(eye);
+            if (!kept_) {
+                sums.add(values, place, step, count);
+                return;
+            }
+            const auto [begin, end] = feed.wholly_kept(setup_.shading->kept, eye, count);
+            const auto from = [&](std::uint32_t i) { return place + static_cast<double>(i) * step; };
+            sums.add_cut(*kept_, values, place, step, begin);
+            sums.add(values + begin, from(begin), step, end - begin);
+            sums.add_cut(*kept_, values + end, from(end), step, count - end);
         });
         sums.flush();
         scratch_.sections_drawn += sums.sections();
@@ -459,8 +476,9 @@ class TileLoop {
     SheetRing<T> ring_;
     Live live_;
     ReachSheets<T> reach_;
-    std::vector<RowFeed<T>> feeds_; ///< of the lattices, the first parts
-    bool all_summed_ = true;        ///< all lattices have been added to the picture
+    std::vector<RowFeed<T>> feeds_;       ///< of the lattices, the first parts
+    std::optional<KeptOfPixels<T>> kept_; ///< where sums over slices are clipped
+    bool all_summed_ = true;              ///< all lattices have been added to the picture
     std::vector<SheetWindow<T>> later_ = std::vector<SheetWindow<T>>(setup_.groups.size() - 1);
     unsigned asked_ = 0;
     unsigned changes_ = 0;

@@ -40,6 +40,7 @@ void divide_own_sheets(const TileScope& scope, std::int64_t pass) {
         sheet.bind(program, "front");
         scope.set_counting(program, field);
         program.set("w0", static_cast<float>(scope.job.scene->fields[field]->w0()));
+        program.set("least_weight", static_cast<float>(scope.job.scene->fields[field]->least_weight()));
         scope.draw_targets(program);
         targets.clear_own(own, sheet_number);
     }

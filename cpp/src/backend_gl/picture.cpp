@@ -171,7 +171,7 @@ void Picture::read(const Targets& targets, const Tile& tile) {
     const double distance = job_.frame->slice_spacing;
     if (is_scalar()) {
         const double scale = scalar_unit(plan_.mode, plan_.value_unit, distance);
-        if (plan_.mode == Mode::average || plan_.counts) {
+        if (counts_weighted_slices(plan_.mode)) {
             read_counted(targets, tile, scale);
         } else {
             read_channels(targets, tile, 0, 1, scale, image_.scalar);
@@ -195,13 +195,14 @@ void Picture::read_counted(const Targets& targets, const Tile& tile, double scal
     buffer_.resize(pixels);
     const bool mean = plan_.mode == Mode::average;
     for (std::size_t pixel = 0; pixel < pixels; ++pixel) {
-        const double count = mean ? std::max(1.0, static_cast<double>(sums[4 * pixel + 2])) : 1.0;
-        buffer_[pixel] = static_cast<float>(static_cast<double>(sums[4 * pixel]) * scale / count);
+        const auto count = static_cast<double>(sums[4 * pixel + (mean ? 2 : 1)]);
+        const double number = static_cast<double>(sums[4 * pixel]) * scale / (mean ? count : 1.0);
+        buffer_[pixel] = count > 0.0 ? static_cast<float>(number) : std::numeric_limits<float>::quiet_NaN();
     }
     copy_rows(buffer_, tile, job_.frame->size, 1, image_.scalar);
     if (plan_.counts) {
         for (std::size_t pixel = 0; pixel < pixels; ++pixel) {
-            buffer_[pixel] = sums[4 * pixel + (mean ? 2 : 1)];
+            buffer_[pixel] = sums[4 * pixel + 2];
         }
         copy_rows(buffer_, tile, job_.frame->size, 1, image_.counts);
     }

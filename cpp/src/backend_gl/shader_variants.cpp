@@ -181,6 +181,9 @@ ShadedParts shaded_parts(const Scene& scene) {
                            fields + static_cast<std::ptrdiff_t>(group.last),
                            [](const auto& field) { return field->normalization() == Normalization::threshold; });
     });
+    parts.least_weights = std::any_of(groups.begin(), groups.end(), [&scene](const Group& group) {
+        return group.last - group.first == 1 && scene.fields[group.first]->least_weight() > 0.0;
+    });
     if (scene.mode == Mode::isosurface) {
         const bool plain = parts.groups == 1 && scene.iso_values.size() == 1 && scene.iso_values.front().opacity == 1.0;
         parts.surfaces = plain ? 0 : parts.groups * scene.iso_values.size();
@@ -206,14 +209,13 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
     if (!wide) {
         defines["PHASE"] = std::to_string(phase);
     }
-    const std::array<std::pair<const char*, bool>, 34> switches{{
+    const std::array<std::pair<const char*, bool>, 33> switches{{
         {"CLASSIFY", plan.mode == Mode::composite},
         {"MODE_ISOSURFACE", plan.mode == Mode::isosurface},
         {"MODE_XRAY", plan.mode == Mode::xray},
-        {"MODE_MIP", plan.mode == Mode::mip},
-        {"MODE_MINIMUM", plan.mode == Mode::minimum},
         {"MODE_AVERAGE", plan.mode == Mode::average},
         {"WEIGHT", plan.weight},
+        {"LEAST_WEIGHT", plan.weight && parts.least_weights},
         {"THRESHOLD", plan.threshold},
         {"PIVOT", plan.threshold && counts_from_pivots(plan)},
         {"EMPTY_TEST", plan.empty_test},
@@ -243,6 +245,10 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
         {"COMPENSATED", plan.compensated},
     }};
     define(switches, defines);
+    if (plan.mode == Mode::mip || plan.mode == Mode::minimum) {
+        // The function that makes one number of two.
+        defines["MODE_EXTREME"] = plan.mode == Mode::mip ? "max" : "min";
+    }
     if (parts.groups > 1) {
         defines["GROUPS"] = std::to_string(parts.groups);
     }

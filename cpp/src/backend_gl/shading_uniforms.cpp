@@ -37,6 +37,12 @@ std::string name_in(const ShadingInputs& inputs, const std::string& name, std::s
     return inputs.groups.size() > 1 ? name + "s[" + std::to_string(group) + "]" : name;
 }
 
+void set_least_weights(const gl::Program& program, const ShadingInputs& inputs) {
+    for (std::size_t group = 0; group < inputs.groups.size(); ++group) {
+        program.set(name_in(inputs, "least_weight", group), f(inputs.groups[group].least_weight));
+    }
+}
+
 void set_isosurface(const gl::Program& program, const ShadingInputs& inputs, const ShadedParts& parts) {
     std::size_t number = 0;
     for (const ShadingInputs::OfGroup& group : inputs.groups) {
@@ -97,6 +103,9 @@ void set_shading(const gl::Program& program, const TileScope& scope, const Shadi
     }
     if (classification != nullptr) {
         classification->bind(program);
+    }
+    if (shaded_parts(*scope.job.scene).least_weights) {
+        set_least_weights(program, inputs);
     }
     if (plan.mode == Mode::isosurface) {
         set_isosurface(program, inputs, shaded_parts(*scope.job.scene));

@@ -1,12 +1,15 @@
 #include "backend_choice.hpp"
 
+#include <algorithm>
 #include <cstdlib>
+#include <utility>
 
 #include "backend_cpu/cpu_renderer.hpp"
 #include "backend_gl/gl_renderer.hpp"
 #include "base/checks.hpp"
 #include "base/instruction_set.hpp"
 #include "base/threads.hpp"
+#include "counted_scene.hpp"
 #include "sheetsplat/device.hpp"
 #include "sheetsplat/error.hpp"
 
@@ -34,6 +37,13 @@ Backend requested_backend(Backend option) {
 
 /// What failed and why, without advice.
 Words reason_of(const Complaint& complaint) { return Complaint{complaint.what, complaint.found}.words(); }
+
+/// The reference has one way of drawing: it cannot stand in for others that were asked for.
+bool asks_for_a_way(const RendererOptions& options) {
+    return options.tagging != Tagging::automatic || options.packing == Packing::paper ||
+           std::any_of(options.effects.begin(), options.effects.end(),
+                       [](const auto& effect) { return effect.second; });
+}
 
 } // namespace
 
@@ -96,6 +106,9 @@ std::string BackendChoice::why_first() const {
 }
 
 DrawPlan BackendChoice::plan_on(Backend backend, const Request& request, const ViewFacts& facts) {
+    if (backend != Backend::reference) {
+        require_one_end(request.scene);
+    }
     const Capabilities* capabilities = backend == Backend::gl ? &gl().capabilities() : nullptr;
     DrawPlan plan = make_plan(request.scene, facts, request.options, request.outputs, request.camera.projection(),
                               backend, capabilities);
@@ -105,24 +118,54 @@ DrawPlan BackendChoice::plan_on(Backend backend, const Request& request, const V
     return plan;
 }
 
+std::optional<DrawPlan> BackendChoice::try_plan(Backend backend, const Request& request, const ViewFacts& facts) {
+    if (backend == Backend::reference && asks_for_a_way(request.options)) {
+        return std::nullopt;
+    }
+    try {
+        return backend == Backend::gl && !open_gl() ? std::nullopt : std::optional(plan_on(backend, request, facts));
+    } catch (const Unsupported&) {
+        return std::nullopt;
+    }
+}
+
+Complaint BackendChoice::with_other_backend(Complaint complaint, Backend refused, const Request& request,
+                                            const ViewFacts& facts) {
+    for (const Backend other : {Backend::cpu, Backend::gl, Backend::reference}) {
+        if (other != refused && try_plan(other, request, facts)) {
+            complaint.advice += (complaint.advice.empty() ? "use " : ", or use ") +
+                                option_ref("backend", to_string(other)) + ", which draws it";
+            break;
+        }
+    }
+    return complaint;
+}
+
 DrawPlan BackendChoice::choose_plan(const Request& request, const ViewFacts& facts) {
-    const bool automatic = requested_backend(request.options.backend) == Backend::automatic;
+    const std::vector<Backend> backends = candidates(request.options.backend);
+    if (requested_backend(request.options.backend) != Backend::automatic) {
+        try {
+            return plan_on(backends.front(), request, facts);
+        } catch (const Unsupported& error) {
+            throw Unsupported(with_other_backend(error.complaint(), backends.front(), request, facts));
+        }
+    }
     Words reasons, refusals; // short ones for the plan, whole ones for an error
-    for (const Backend backend : candidates(request.options.backend)) {
+    for (const Backend backend : backends) {
         try {
             DrawPlan plan = plan_on(backend, request, facts);
-            if (automatic) {
-                plan.summary.device += "; auto: " + (reasons.empty() ? why_first() : reasons.text());
-            }
+            plan.summary.device += "; auto: " + (reasons.empty() ? why_first() : reasons.text());
             return plan;
         } catch (const Unsupported& error) {
-            if (!automatic) {
-                throw;
-            }
             const std::string name = (reasons.empty() ? "backend " : "; backend ") + std::string(to_string(backend));
             reasons += name + ": " + reason_of(error.complaint());
             refusals += name + ": " + error.complaint().words();
         }
+    }
+    // Slow, but right: what others would lose to rounding or have no room for.
+    if (std::optional<DrawPlan> plan = try_plan(Backend::reference, request, facts)) {
+        plan->summary.device += "; auto: " + reasons.text();
+        return *std::move(plan);
     }
     throw Unsupported(Complaint{"no backend can draw this scene within its error bound",
                                 refusals + (why_no_gl_ ? "; no OpenGL: " + why_no_gl_->words() : Words())});

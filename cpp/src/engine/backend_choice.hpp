@@ -24,8 +24,10 @@ class BackendChoice {
 
     /// Backends in the order in which they are tried. Throws InvalidInput where SHEETSPLAT_BACKEND names none.
     std::vector<Backend> candidates(Backend asked);
-    /// The plan of the first candidate that supports the scene; its device says why it was chosen. Throws Unsupported
-    /// with the reasons of all candidates.
+    /// The plan of the first candidate that supports the scene; its device says why it was chosen. Where none does,
+    /// that of the reference, unless the options ask for ways of drawing that it has not. Throws Unsupported: of a
+    /// backend that was named, with its reason and a backend that draws the scene; else with the reasons of all
+    /// candidates.
     DrawPlan choose_plan(const Request& request, const ViewFacts& facts);
 
     /// Throws DeviceUnavailable.
@@ -37,6 +39,10 @@ class BackendChoice {
     bool open_gl();
     /// Why `auto` tries the backend that it tries first.
     [[nodiscard]] std::string why_first() const;
+    /// None where the backend refuses the scene, or is not there.
+    std::optional<DrawPlan> try_plan(Backend backend, const Request& request, const ViewFacts& facts);
+    /// What a backend refused, with the advice to use another one that draws the scene, where there is one.
+    Complaint with_other_backend(Complaint complaint, Backend refused, const Request& request, const ViewFacts& facts);
     DrawPlan plan_on(Backend backend, const Request& request, const ViewFacts& facts);
 
     std::optional<int> device_;

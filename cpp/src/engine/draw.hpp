@@ -50,6 +50,7 @@ struct Request {
 
 /// Everything that is derived from scene, camera and size before a backend draws.
 struct Prepared {
+    Scene scene; ///< as CountedFields makes it of the request's
     Frame frame;
     DrawPlan plan;
     std::vector<FieldView> views;              ///< of the lattices, in the order of the scene's fields

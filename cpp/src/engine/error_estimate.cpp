@@ -34,16 +34,17 @@ std::vector<double> squares(const Image& a, const Image& b, double scale) {
     std::vector<double> result(first.size() / channels, 0.0);
     for (std::size_t i = 0; i < first.size(); ++i) {
         const double difference = (static_cast<double>(first[i]) - static_cast<double>(second[i])) / scale;
-        result[i / channels] += difference * difference / static_cast<double>(channels);
+        // (No number: no slice counts in one of them.)
+        result[i / channels] += std::isnan(difference) ? 0.0 : difference * difference / static_cast<double>(channels);
     }
     return result;
 }
 
-/// Scalars are divided by max(1, largest value), as section 8 does.
+/// Scalars are divided by max(1, largest absolute value), as section 8 does.
 double scale_of(const Image& reference) {
     float largest = 1.0F;
     for (const float value : reference.scalar) {
-        largest = std::max(largest, value);
+        largest = std::isnan(value) ? largest : std::max(largest, std::abs(value));
     }
     return static_cast<double>(largest);
 }

@@ -7,6 +7,7 @@
 #include <glm/geometric.hpp>
 
 #include "base/memory.hpp"
+#include "plan/tells_empty.hpp"
 #include "same_scene.hpp"
 #include "scene/mode_rules.hpp"
 
@@ -49,7 +50,7 @@ bool same_runs(const VisibleRuns& a, const VisibleRuns& b) {
 /// The kernels of a lattice, one by one, for what makes each of them different.
 std::shared_ptr<const EllipsoidField> scattered(const RegularField& field) {
     EllipsoidArrays arrays;
-    const auto [nk, nj, ni] = field.shape();
+    const std::size_t nk = field.shape()[0], nj = field.shape()[1];
     const Vec3 axes = field.semi_axes_world();
     const bool spheres = axes.x == axes.y && axes.y == axes.z;
     require_memory(checked_product(field.size(), spheres ? 40 : 56, "a lattice's kernels, one by one"),
@@ -59,7 +60,8 @@ std::shared_ptr<const EllipsoidField> scattered(const RegularField& field) {
     arrays.values.reserve(field.size());
     for (std::size_t k = 0; k < nk; ++k) {
         for (std::size_t j = 0; j < nj; ++j) {
-            for (std::size_t i = 0; i < ni; ++i) {
+            const SampleRange kernels = field.kernels_of_row(j, k);
+            for (std::size_t i = kernels.begin; i < kernels.end; ++i) {
                 const double value = field.value(i, j, k);
                 if (!std::isnan(value)) {
                     arrays.centers.push_back(field.position(i, j, k));
@@ -77,6 +79,7 @@ std::shared_ptr<const EllipsoidField> scattered(const RegularField& field) {
     options.normalization = field.normalization();
     options.w0 = field.w0();
     options.falloff = field.kernel().falloff;
+    options.least_weight = field.least_weight();
     if (options.normalization == Normalization::lattice) {
         options.cell_volume = field.kernel().unit_mass() * axes.x * axes.y * axes.z / field.lattice_constant();
     }
@@ -118,10 +121,11 @@ VisibilityQuery query_of(std::size_t number, const Scene& scene, const DrawPlan&
     VisibilityQuery query;
     query.transfer_function = is_scalar(plan.mode) ? nullptr : group.transfer_function;
     query.weights_matter = plan.weight || !plan.culling;
+    query.reach_matters = reach_decides(plan);
     // Where W > 0 decides, kernels without weight may not be drawn at all.
     query.cull = (plan.culling && !plan.coverage) || counts_weighted_slices(plan.mode);
     query.isosurface = plan.mode == Mode::isosurface;
-    for (const IsoValue& iso : scene.iso_values) {
+    for (const IsoValue& iso : iso_values_of(scene, query.isosurface ? group_drawn_of(scene, number) : 0)) {
         if (iso.opacity > 0.0) {
             query.iso_values.push_back(iso.value);
         }
@@ -178,9 +182,9 @@ Decision decision_of(VisibilityQuery query) {
 bool Decision::answers(const VisibilityQuery& other) const {
     const TransferFunction* function = other.transfer_function;
     return (function == nullptr ? points.empty() : same(points, function->points())) &&
-           query.weights_matter == other.weights_matter && query.cull == other.cull &&
-           query.isosurface == other.isosurface && query.iso_values == other.iso_values && query.alone == other.alone &&
-           query.cubic == other.cubic && reaches(query.filter_gain, other.filter_gain) &&
+           query.weights_matter == other.weights_matter && query.reach_matters == other.reach_matters &&
+           query.cull == other.cull && query.isosurface == other.isosurface && query.iso_values == other.iso_values &&
+           query.alone == other.alone && query.cubic == other.cubic && reaches(query.filter_gain, other.filter_gain) &&
            reaches(query.reach_world, other.reach_world);
 }
 

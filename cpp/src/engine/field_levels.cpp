@@ -59,12 +59,12 @@ struct BlockRow {
     }
 };
 
-/// present: the mean is that of the samples which are there; else what is missing counts as 0, so that blocks keep the
-/// sum of their samples.
+/// present: the mean is that of the samples which are there; else what is missing counts as the base, so that blocks
+/// keep the sum of their samples.
 template <class T>
-std::vector<T> means(const std::vector<T>& samples, const std::array<std::size_t, 3>& shape, const LevelBlock& block,
+std::vector<T> means(const std::vector<T>& samples, const RegularField& field, const LevelBlock& block,
                      const std::array<std::size_t, 3>& blocks, bool present, const std::function<void()>& poll) {
-    const auto [nk, nj, ni] = shape;
+    const auto [nk, nj, ni] = field.shape();
     std::vector<T> result;
     result.reserve(blocks[0] * blocks[1] * blocks[2]);
     const auto whole = static_cast<double>(block[0] * block[1] * block[2]);
@@ -76,11 +76,13 @@ std::vector<T> means(const std::vector<T>& samples, const std::array<std::size_t
             row.counts.assign(blocks[2], 0);
             for (std::size_t layer = k; layer < std::min(k + block[2], nk); ++layer) {
                 for (std::size_t line = j; line < std::min(j + block[1], nj); ++line) {
-                    row.add(samples.data() + (layer * nj + line) * ni, ni, block[0]);
+                    row.add(samples.data() + field.row(line, layer), ni, block[0]);
                 }
             }
             for (std::size_t i = 0; i < blocks[2]; ++i) {
-                const double mean = row.sums[i] / (present ? static_cast<double>(row.counts[i]) : whole);
+                const auto count = static_cast<double>(row.counts[i]);
+                const double sum = row.sums[i] - count * field.counted_from();
+                const double mean = sum / (present ? count : whole) + field.base();
                 if constexpr (std::is_floating_point_v<T>) {
                     result.push_back(row.counts[i] == 0 ? std::numeric_limits<T>::quiet_NaN() : static_cast<T>(mean));
                 } else {
@@ -99,18 +101,21 @@ std::shared_ptr<const Field> field_of_blocks(const RegularField& field, const Le
     options.prefilter = false;
     options.value_range.reset();
     options.normalization = field.normalization();
+    options.w0 = field.w0();
+    options.least_weight = field.least_weight();
+    options.domain = field.domain_world();
     for (int axis = 0; axis < 3; ++axis) {
         const auto count = static_cast<double>(block[static_cast<std::size_t>(axis)]);
         options.origin[axis] += 0.5 * (count - 1.0) * options.spacing[axis];
         options.spacing[axis] *= count;
     }
-    const bool present = field.normalization() == Normalization::threshold;
+    const bool present = field.normalization() == Normalization::threshold || field.domain_world();
     return std::visit(
         [&](const auto& samples) -> std::shared_ptr<const Field> {
             using T = typename std::decay_t<decltype(samples)>::value_type;
             require_memory(checked_product(blocks[0] * blocks[1] * blocks[2], sizeof(T), "a volume of fewer samples"),
                            "a volume of fewer samples", "use a smaller volume");
-            return std::make_shared<const RegularField>(means(samples, field.shape(), block, blocks, present, poll),
+            return std::make_shared<const RegularField>(means(samples, field, block, blocks, present, poll),
                                                         blocks, options);
         },
         field.samples());

@@ -198,6 +198,10 @@ PointValues::Value LightAtPoints::value_at(std::size_t group, const Vec3& world)
         const PointValues::Value one = values_[field]->at(world);
         sum = {sum.rho + one.rho, sum.empty && one.empty};
     }
+    if (scene_.counted && !scene_.counted->ends.empty()) {
+        const std::optional<Box>& end = scene_.counted->ends[group];
+        sum.empty = sum.empty || (end && glm::clamp(world, end->lower, end->upper) != world);
+    }
     return sum;
 }
 

@@ -13,6 +13,7 @@
 #include "base/poll.hpp"
 #include "base/threads.hpp"
 #include "light_at_points.hpp"
+#include "light_grids.hpp"
 #include "plan/charge_effects.hpp"
 #include "plan/effect_table.hpp"
 #include "plan/make_plan.hpp"
@@ -29,8 +30,9 @@ namespace {
 /// Pixels that show something and are looked at: errors of surfaces are large at the few pixels where an edge of a
 /// shadow has moved, those of volumes spread over all.
 constexpr std::size_t surface_probes = 2048, volume_probes = 256;
-/// Pixels that are tried for them.
-constexpr std::size_t tries_per_probe = 8;
+/// Pixels that are tried for them, where fewer show something; of a picture of so few, all are. (What shows at one
+/// pixel in a hundred has its error at a few of those.)
+constexpr std::size_t surface_tries = 16384, volume_tries = 8192;
 /// Occlusion is looked at in every so many of them: it costs 14 lines, and changes slowly. (Of small pictures, in
 /// all: few lines of few pixels are off.)
 constexpr std::size_t every_occlusion = 4;
@@ -255,7 +257,7 @@ class View {
         struct Crossing {
             double share;
             std::size_t group;
-            const IsoValue* iso;
+            IsoValue iso;
         };
         std::vector<Crossing> crossings;
         for (std::size_t group = 0; group < light_.groups().size(); ++group) {
@@ -263,9 +265,9 @@ class View {
                 continue;
             }
             const double front = rho_on(ray, n, group), back = rho_on(ray, n + 1, group);
-            for (const IsoValue& iso : scene_.iso_values) {
+            for (const IsoValue& iso : iso_values_of(scene_, group)) {
                 if ((front < iso.value) != (back < iso.value)) {
-                    crossings.push_back({(iso.value - front) / (back - front), group, &iso});
+                    crossings.push_back({(iso.value - front) / (back - front), group, iso});
                 }
             }
         }
@@ -275,9 +277,9 @@ class View {
             if (alpha >= scene_.opacity_stop) {
                 return;
             }
-            const double share = (1.0 - alpha) * crossing.iso->opacity;
+            const double share = (1.0 - alpha) * crossing.iso.opacity;
             spots.push_back({n, crossing.share, crossing.group,
-                             light_.groups()[crossing.group].transfer_function->at(crossing.iso->value).color, share});
+                             light_.groups()[crossing.group].transfer_function->at(crossing.iso.value).color, share});
             alpha += share;
         }
     }
@@ -370,8 +372,7 @@ class View {
     }
 
     [[nodiscard]] Vec3 facing_away(const Vec3& gradient, std::size_t group) const {
-        const TransferFunction& function = *light_.groups()[group].transfer_function;
-        const double weakest = 1e-3 * (function.v_max() - function.v_min()) / frame_.reference_length;
+        const double weakest = weakest_difference(scene_, light_.groups()[group]) / frame_.reference_length;
         return -gradient / std::max({glm::length(gradient), weakest, 1e-300});
     }
 
@@ -515,8 +516,24 @@ ProbePixels probe_pixels(Size size, bool surfaces) {
     }
     probes.wanted = wanted;
     probes.every_occlusion = every_occlusion;
-    for (std::size_t number = 0; number < tries_per_probe * wanted; ++number) {
-        probes.pixels.push_back(spread(number, size));
+    const std::size_t tries = std::min(surfaces ? surface_tries : volume_tries, pixels);
+    std::vector<bool> tried(pixels, false);
+    const auto add = [&](const std::array<int, 2>& pixel) {
+        const std::size_t at = static_cast<std::size_t>(pixel[1]) * static_cast<std::size_t>(size.width) +
+                               static_cast<std::size_t>(pixel[0]);
+        if (!tried[at]) {
+            tried[at] = true;
+            probes.pixels.push_back(pixel);
+        }
+    };
+    for (std::size_t number = 0; number < tries; ++number) {
+        add(spread(number, size));
+    }
+    // The places so far leave out some pixels of a small picture, and meet others twice.
+    for (int row = 0; row < size.height && pixels == tries; ++row) {
+        for (int column = 0; column < size.width; ++column) {
+            add({column, row});
+        }
     }
     return probes;
 }
@@ -634,9 +651,12 @@ LightLines LightErrorProbe::lines(const Request& request, const Prepared& prepar
 LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
                                     const std::shared_ptr<const LightVolume>& absorption) {
     const LightAtPoints light = light_at(request, prepared, volumes, absorption);
-    const ProbePixels probes = probe_pixels(request.size, request.scene.mode == Mode::isosurface);
+    // Where thin sheets of matter show, errors are at few pixels too.
+    const ProbePixels probes =
+        probe_pixels(request.size, request.scene.mode == Mode::isosurface || shows_narrowly(request.scene));
     const View view(request, prepared, light, probes.points);
-    const std::size_t most = probes.pixels.size(), every = probes.every_occlusion;
+    const std::size_t most = probes.pixels.size();
+    std::size_t every = probes.every_occlusion;
     ThreadPool pool(thread_count(request.options.threads));
     std::vector<View::Off> found;
     std::size_t seen = 0;
@@ -653,6 +673,23 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
             [&] { report_progress(request.progress, 1.0); });
         seen += static_cast<std::size_t>(std::count_if(found.begin() + static_cast<std::ptrdiff_t>(start), found.end(),
                                                        [](const View::Off& off) { return off.seen; }));
+    }
+    if (prepared.plan.ambient_occlusion && every > 1 && seen <= probes.wanted / 2) {
+        // Of few pixels that show anything, one in so many are too few to tell.
+        every = 1;
+        std::vector<std::size_t> left;
+        for (std::size_t number = 0; number < found.size(); ++number) {
+            if (found[number].seen && number % probes.every_occlusion != 0) {
+                left.push_back(number);
+            }
+        }
+        pool.run(
+            left.size(),
+            [&](std::size_t task, int) {
+                const auto [column, row] = probes.pixels[left[task]];
+                found[left[task]] = view.look(column, row, true);
+            },
+            [&] { report_progress(request.progress, 1.0); });
     }
     SquareSum shadows, occlusion, shadows_beside, together;
     for (std::size_t number = 0; number < found.size(); ++number) {

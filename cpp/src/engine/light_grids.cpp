@@ -35,11 +35,59 @@ double least_semi_axis(const Field& field) {
     return std::min({axes.x, axes.y, axes.z});
 }
 
+/// Of the range of a group's values: where less is opaque in one piece, what shows is thinner than kernels are, sheets
+/// or tips that lie between elements.
+constexpr double narrow_share = 0.05;
+
+/// The least length of a range of values that is opaque in one piece, of those that occur; infinite where none is.
+double narrowest_opaque(const TransferFunction& function, double lower, double upper) {
+    double least = std::numeric_limits<double>::infinity();
+    double begin = std::numeric_limits<double>::quiet_NaN(); // of the piece, none: NaN
+    const auto end_at = [&](double end) {
+        const double from = std::max(begin, lower), to = std::min(end, upper);
+        if (from <= to) {
+            least = std::min(least, to - from);
+        }
+        begin = std::numeric_limits<double>::quiet_NaN();
+    };
+    const std::vector<TransferPoint>& points = function.points();
+    if (points.front().opacity > 0.0) {
+        begin = -std::numeric_limits<double>::infinity();
+    }
+    for (std::size_t n = 0; n + 1 < points.size(); ++n) {
+        const bool opaque = points[n].opacity > 0.0 || points[n + 1].opacity > 0.0;
+        if (opaque && std::isnan(begin)) {
+            begin = points[n].value;
+        } else if (!opaque && !std::isnan(begin)) {
+            end_at(points[n].value);
+        }
+        if (points[n + 1].opacity == 0.0 && !std::isnan(begin)) {
+            end_at(points[n + 1].value);
+        }
+    }
+    if (points.back().opacity > 0.0) {
+        begin = std::isnan(begin) ? points.back().value : begin;
+        end_at(std::numeric_limits<double>::infinity());
+    }
+    return least;
+}
+
+bool is_narrow(const Scene& scene, const Group& group) {
+    double lower = 0.0, upper = 0.0;
+    for (std::size_t field = group.first; field < group.last; ++field) {
+        const auto [low, high] = scene.fields[field]->value_range();
+        lower += std::min(low, 0.0);
+        upper += std::max(high, 0.0);
+    }
+    return narrowest_opaque(*group.transfer_function, lower, upper) < narrow_share * (upper - lower);
+}
+
 /// Whether matter may be thinner than kernels are: opaque in a narrow range of rho, or cut.
 bool is_cut(const Scene& scene) {
     const std::vector<Group> groups = scene.groups();
-    return !scene.clip.empty() || std::any_of(groups.begin(), groups.end(),
-                                              [](const Group& group) { return group.transfer_function->has_steps(); });
+    return !scene.clip.empty() || shows_narrowly(scene) ||
+           std::any_of(groups.begin(), groups.end(),
+                       [](const Group& group) { return group.transfer_function->has_steps(); });
 }
 
 /// The plan with which the opacity along a light is computed: point sampling, no shading, no outputs beside opacity.
@@ -313,6 +361,12 @@ LightVolume whole_on(const LightGrid& grid, const Group* group, const Request& r
 }
 
 } // namespace
+
+bool shows_narrowly(const Scene& scene) {
+    const std::vector<Group> groups = scene.groups();
+    return scene.mode == Mode::composite &&
+           std::any_of(groups.begin(), groups.end(), [&scene](const Group& group) { return is_narrow(scene, group); });
+}
 
 bool shows_kernels(const Scene& scene, double step) {
     return std::all_of(scene.fields.begin(), scene.fields.end(), [step](const auto& field) {

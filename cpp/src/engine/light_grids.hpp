@@ -14,6 +14,8 @@ namespace sheetsplat {
 bool shows_kernels(const Scene& scene, double step);
 /// The same of the grid of a volume.
 bool shows_kernels(const Scene& scene, const LightVolume& grid);
+/// Mode composite: whether what shows lies in so narrow a range of values that it is thinner than kernels are.
+bool shows_narrowly(const Scene& scene);
 /// Whether a grid of absorption is 0 only where nothing is, but for what is smaller than its cells.
 bool shows_matter(const Scene& scene, const DrawPlan& plan, const LightVolume& absorption);
 

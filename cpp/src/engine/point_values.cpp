@@ -29,7 +29,7 @@ constexpr double beside = 1e-9;
 class LatticeValues final : public PointValues {
   public:
     explicit LatticeValues(std::shared_ptr<const Field> field)
-        : field_(std::move(field)), samples_(*as_regular(field_.get())), normaliser_(*field_, 1.0),
+        : PointValues(field->least_weight()), field_(std::move(field)), samples_(*as_regular(field_.get())), normaliser_(*field_, 1.0),
           semi_axes_(samples_.semi_axes_world()), origin_(samples_.options().origin), step_(step_of(samples_)),
           bcc_(samples_.lattice() == Lattice::bcc) {
         for (int axis = 0; axis < 3; ++axis) {
@@ -125,7 +125,6 @@ class LatticeValues final : public PointValues {
     template <class Values>
     [[nodiscard]] reference::Sums sum(const Values& values, const Along& layers, const std::array<Along, 2>& columns,
                                       const std::array<Along, 2>& rows) const {
-        const auto [nk, nj, ni] = samples_.shape();
         const double edge = edge_;
         const bool holes = samples_.has_holes();
         double d = 0.0, w = 0.0;
@@ -139,9 +138,9 @@ class LatticeValues final : public PointValues {
                     continue;
                 }
                 const double gaussian = layers.gaussian[z] * rows[shifted].gaussian[y];
-                const auto* samples = values.data() + (k * nj + rows[shifted].first + y) * ni + row.first;
+                const auto* samples = values.data() + samples_.row(rows[shifted].first + y, k) + row.first;
                 for (std::size_t x = 0; x < row.count; ++x) {
-                    const auto value = static_cast<double>(samples[x]);
+                    const double value = static_cast<double>(samples[x]) - counted_from_;
                     const bool reached = row.squared[x] < left && !(holes && std::isnan(value));
                     // (Chosen without a branch, which would be guessed wrong at every other end of a row.)
                     const double g = reached ? gaussian * row.gaussian[x] - edge : 0.0;
@@ -185,6 +184,7 @@ class LatticeValues final : public PointValues {
     reference::Profile profile_{samples_.kernel().falloff};
     Vec3 semi_axes_, per_axis_{1.0 / semi_axes_}, origin_, step_;
     Vec3 ratios_{1.0}; ///< of the ratios of neighbouring Gaussians along an axis
+    double counted_from_ = samples_.counted_from();
     double edge_ = samples_.kernel().edge(), gain_ = samples_.kernel().gain();
     bool bcc_;
 };
@@ -193,7 +193,7 @@ class LatticeValues final : public PointValues {
 class ScatteredValues final : public PointValues {
   public:
     ScatteredValues(std::shared_ptr<const Field> field, const Scene& scene, const Camera& camera, Size size)
-        : field_(std::move(field)), camera_(camera), screen_(camera, size),
+        : PointValues(field->least_weight()), field_(std::move(field)), camera_(camera), screen_(camera, size),
           sums_(*field_, scene, camera_, screen_, 1.0) {}
 
   private:
@@ -215,12 +215,12 @@ class ScatteredValues final : public PointValues {
 
 PointValues::Value PointValues::at(const Vec3& world) const {
     const reference::Sums sums = sums_at(world);
-    return {rho(sums), sums.empty};
+    return {rho(sums), sums.empty || sums.w < least_weight_};
 }
 
 PointValues::Value PointValues::mean(const Vec3& from, const Vec3& to) const {
     const reference::Sums sums = mean_sums(from, to);
-    return {rho(sums), sums.empty};
+    return {rho(sums), sums.empty || sums.w < least_weight_};
 }
 
 std::shared_ptr<const PointValues> point_values(const std::shared_ptr<const Field>& field, const Scene& scene) {

@@ -17,7 +17,8 @@ class PointValues {
         bool empty = true; ///< no kernel reaches the point
     };
 
-    PointValues() = default;
+    /// least_weight: that of the field.
+    explicit PointValues(double least_weight) : least_weight_(least_weight) {}
     PointValues(const PointValues&) = delete;
     PointValues& operator=(const PointValues&) = delete;
     virtual ~PointValues() = default;
@@ -29,6 +30,8 @@ class PointValues {
     [[nodiscard]] virtual reference::Sums sums_at(const Vec3& world) const = 0;
     [[nodiscard]] virtual reference::Sums mean_sums(const Vec3& from, const Vec3& to) const = 0;
     [[nodiscard]] virtual double rho(const reference::Sums& sums) const = 0;
+
+    double least_weight_;
 };
 
 /// Unfiltered. Samples of lattices are found where they are; of scattered kernels a grid is made. Throws OutOfMemory.

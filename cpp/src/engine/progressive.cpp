@@ -76,9 +76,9 @@ struct Grid {
     int step = 1;
 };
 
-/// depths: where a neighbour is infinite, the nearest one counts alone.
+/// gaps: where a neighbour is infinite or no number, the nearest one counts alone.
 std::vector<float> interpolated(const std::vector<float>& from, std::size_t channels, const Grid& grid, const Grid& to,
-                                bool depths = false) {
+                                bool gaps = false) {
     if (from.empty()) {
         return {};
     }
@@ -93,8 +93,8 @@ std::vector<float> interpolated(const std::vector<float>& from, std::size_t chan
         for (const Neighbours& column : columns) {
             for (std::size_t c = 0; c < channels; ++c) {
                 const std::size_t left = column.first * channels + c, right = column.second * channels + c;
-                if (depths && !(std::isfinite(upper[left]) && std::isfinite(upper[right]) &&
-                                std::isfinite(lower[left]) && std::isfinite(lower[right]))) {
+                if (gaps && !(std::isfinite(upper[left]) && std::isfinite(upper[right]) && std::isfinite(lower[left]) &&
+                              std::isfinite(lower[right]))) {
                     const float* near = row.weight < 0.5F ? upper : lower;
                     result.push_back(near[column.weight < 0.5F ? left : right]);
                     continue;
@@ -115,8 +115,9 @@ std::size_t channel_count(const Image& image) { return image.rgba.empty() ? 1 : 
 double distance(const Coarse& coarse, const Coarse& fine, Size full) {
     const Grid from{coarse_size(full, coarse.step.pixels), coarse.step.pixels};
     const Grid to{coarse_size(full, fine.step.pixels), fine.step.pixels};
-    const std::vector<float> a = interpolated(channels_of(coarse.image), channel_count(coarse.image), from, to);
-    return compare(a, channels_of(fine.image), static_cast<int>(channel_count(fine.image))).rmse;
+    const std::vector<float> a =
+        interpolated(channels_of(coarse.image), channel_count(coarse.image), from, to, coarse.image.rgba.empty());
+    return compare(a, channels_of(fine.image), static_cast<int>(channel_count(fine.image)), Gaps::left_out).rmse;
 }
 
 /// Where differences between stages shrink by the order p, what is left of them between `fine` and the last picture.
@@ -205,7 +206,7 @@ struct Stages::State {
         Image image;
         image.size = size;
         image.rgba = interpolated(stage.image.rgba, 4, from, to);
-        image.scalar = interpolated(stage.image.scalar, 1, from, to);
+        image.scalar = interpolated(stage.image.scalar, 1, from, to, true);
         image.coverage = interpolated(stage.image.coverage, 1, from, to);
         image.depth = interpolated(stage.image.depth, 1, from, to, true);
         image.plan = stage.image.plan;

@@ -41,7 +41,8 @@ void check_picture_memory(Size size, const Outputs& outputs) {
 
 void check_finite(const std::vector<float>& sums, const char* advice) {
     for (const float value : sums) {
-        if (!std::isfinite(value)) {
+        // (NaN: no slice of the pixel counts.)
+        if (std::isinf(value)) {
             throw Unsupported(Complaint{"the picture cannot be represented in float32", "sums beyond 3.4e38",
                                         "numbers that float32 can represent", advice});
         }
@@ -68,11 +69,12 @@ Scene with_ambient_colors(const Scene& scene) {
 }
 
 /// The picture of a scene of which nothing can be seen.
-void leave_blank(const Request& request, Image& image) {
+void leave_blank(const Request& request, const Prepared& prepared, Image& image) {
     const std::size_t pixels =
         static_cast<std::size_t>(request.size.width) * static_cast<std::size_t>(request.size.height);
     if (is_scalar(request.scene.mode)) {
-        image.scalar.assign(pixels, 0.0F);
+        const float none = request.scene.mode == Mode::xray ? 0.0F : std::numeric_limits<float>::quiet_NaN();
+        image.scalar.assign(pixels, none);
     } else {
         image.rgba.assign(4 * pixels, 0.0F);
         for (std::size_t pixel = 0; request.scene.part && request.scene.part->in_front && pixel < pixels; ++pixel) {
@@ -85,7 +87,7 @@ void leave_blank(const Request& request, Image& image) {
     if (request.outputs.depth) {
         image.depth.assign(pixels, std::numeric_limits<float>::infinity());
     }
-    if (request.scene.part && counts_weighted_slices(request.scene.mode)) {
+    if (prepared.plan.counts) {
         image.counts.assign(pixels, 0.0F);
     }
     for (const char* name : {"seconds_view", "seconds_draw", "bytes_view", "bytes_device", "kernels_drawn"}) {
@@ -148,17 +150,18 @@ Reach Renderer::State::reach() const {
     };
 }
 
-Prepared Renderer::State::prepare(const Request& request) {
-    const Scene& scene = request.scene;
-    scene.validate();
-    if (scene.depth_limit) {
-        scene.depth_limit->require_for(request.size, request.camera);
+Prepared Renderer::State::prepare(const Request& asked) {
+    asked.scene.validate();
+    if (asked.scene.depth_limit) {
+        asked.scene.depth_limit->require_for(asked.size, asked.camera);
     }
-    require_in_front(scene, request.size);
-    Prepared prepared;
+    require_in_front(asked.scene, asked.size);
+    Prepared prepared{counted_.counted(asked.scene, asked.camera, asked.size, asked.outputs), {}, {}, {}, {}, {}, {}};
+    const Request request = asked.with(prepared.scene);
+    const Scene& scene = prepared.scene;
     prepared.frame = make_frame(scene, request.camera, request.size, reach());
     check_picture_memory(request.size, request.outputs);
-    surveys_.forget_others(levels_.keep(scene), scene.part.has_value());
+    surveys_.forget_others(kept_fields(asked.scene), scene.part.has_value());
     const ViewFacts facts = view_facts(scene, request.camera, prepared.frame, surveys_);
     prepared.plan = backends_.choose_plan(request, facts);
     prepared.work = work_of(scene, facts);
@@ -176,18 +179,22 @@ Prepared Renderer::State::prepare(const Request& request) {
     return prepared;
 }
 
+std::vector<std::shared_ptr<const Field>> Renderer::State::kept_fields(const Scene& asked) {
+    return counted_.keep(levels_.keep(asked));
+}
+
 Scene Renderer::State::at_level(Scene scene, const Level& level, const Progress& progress) {
     scene.fields = levels_.of(scene.fields, level, [&progress] { report_progress(progress, 0.0); });
     return scene;
 }
 
-Indexed Renderer::State::find_drawn(const Request& request, const Prepared& prepared, const Frame& drawn_like) {
-    const Scene& scene = request.scene;
-    index_.forget_others(levels_.keep(scene), scene.part.has_value());
+Indexed Renderer::State::find_drawn(const Request& asked, const Prepared& prepared, const Frame& drawn_like) {
+    index_.forget_others(kept_fields(asked.scene), asked.scene.part.has_value());
+    const Scene& scene = prepared.scene;
     Indexed indexed;
     for (const std::size_t field : prepared.view_fields) {
         // Nothing has looked at the samples of a level yet, and what the stage's own frame calls for is found soon.
-        const Frame& frame = levels_.made(scene.fields[field]) ? prepared.frame : drawn_like;
+        const Frame& frame = levels_.made(asked.scene.fields[field]) ? prepared.frame : drawn_like;
         const RunsEntry& entry = index_.runs_of(field, scene, prepared.plan, frame);
         indexed.runs.push_back(&entry);
         indexed.visible += entry.runs.samples();
@@ -206,21 +213,19 @@ Indexed Renderer::State::find_drawn(const Request& request, const Prepared& prep
     return indexed;
 }
 
-void Renderer::State::draw(const Request& request, const Prepared& prepared, const Frame& drawn_like, Image& image) {
-    if (prepared.plan.ambient_only && !request.scene.lights.empty()) {
-        const Scene ambient = with_ambient_colors(request.scene);
-        draw(request.with(ambient), prepared, drawn_like, image);
-        return;
-    }
+void Renderer::State::draw(const Request& asked, const Prepared& prepared, const Frame& drawn_like, Image& image) {
+    const bool ambient = prepared.plan.ambient_only && !prepared.scene.lights.empty();
+    const Scene ambient_scene = ambient ? with_ambient_colors(prepared.scene) : Scene{prepared.scene.fields, prepared.scene.transfer_function};
+    const Request request = asked.with(ambient ? ambient_scene : prepared.scene);
     const auto indexing = Clock::now();
-    Indexed indexed = find_drawn(request, prepared, drawn_like);
+    Indexed indexed = find_drawn(asked, prepared, drawn_like);
     image.stats["seconds_index"] = seconds_since(indexing);
     if ((prepared.plan.shadows || prepared.plan.ambient_occlusion) && !prepared.plan.blank) {
         indexed.volumes = request.scene.part ? light_of_part(*request.scene.part)
                                              : light_.of(request, prepared, indexed, reach(), backends_.cpu(), image);
     }
     if (prepared.plan.blank) {
-        leave_blank(request, image);
+        leave_blank(request, prepared, image);
     } else if (prepared.plan.summary.backend == Backend::gl) {
         draw_on_gl(backends_.gl(), request, prepared, indexed, image);
     } else {
@@ -244,7 +249,8 @@ LightPlan Renderer::State::plan_light(const Request& request) {
     }
     const Prepared prepared = prepare(request);
     const DrawPlan& plan = prepared.plan;
-    return (plan.shadows || plan.ambient_occlusion) && !plan.blank ? make_light_plan(request, prepared, reach())
+    return (plan.shadows || plan.ambient_occlusion) && !plan.blank
+               ? make_light_plan(request.with(prepared.scene), prepared, reach())
                                                                    : LightPlan{};
 }
 
@@ -253,20 +259,21 @@ std::vector<LightPiece> Renderer::State::light_pieces(const Request& request, co
     const PollScope polling([&request] { report_progress(request.progress, 0.0); });
     const Prepared prepared = prepare(request);
     const Indexed indexed = find_drawn(request, prepared, prepared.frame);
-    return pieces_of(light, request, prepared, indexed, backends_.cpu());
+    return pieces_of(light, request.with(prepared.scene), prepared, indexed, backends_.cpu());
 }
 
 std::vector<LightSpot> Renderer::State::light_spots(const Request& request, const std::vector<std::size_t>& numbers) {
     require_light(request.scene);
     const PollScope polling([&request] { report_progress(request.progress, 0.0); });
     const Prepared prepared = prepare(request);
-    return prepared.plan.blank ? std::vector<LightSpot>{} : light_probe_.spots(request, prepared, numbers);
+    return prepared.plan.blank ? std::vector<LightSpot>{} : light_probe_.spots(request.with(prepared.scene), prepared, numbers);
 }
 
 LightLines Renderer::State::light_lines(const Request& request, const std::vector<LightSpot>& spots) {
     require_light(request.scene);
     const PollScope polling([&request] { report_progress(request.progress, 0.0); });
-    return light_probe_.lines(request, prepare(request), spots);
+    const Prepared prepared = prepare(request);
+    return light_probe_.lines(request.with(prepared.scene), prepared, spots);
 }
 
 bool Renderer::State::measure_light(const Request& request, RenderPlan& plan, bool anew) {
@@ -289,15 +296,16 @@ bool Renderer::State::measure_light(const Request& request, RenderPlan& plan, bo
                                               turns ? cosine_of_10_degrees : cosine_of_30_degrees);
     if (anew || !known) {
         const Prepared prepared = prepare(request);
-        if (prepared.plan.blank || (!anew && !LightErrorProbe::is_cheap(request, prepared))) {
+        const Request drawn = request.with(prepared.scene);
+        if (prepared.plan.blank || (!anew && !LightErrorProbe::is_cheap(drawn, prepared))) {
             return false;
         }
         try {
             Image image;
             const Indexed indexed = find_drawn(request, prepared, prepared.frame);
-            const LightVolumes volumes = light_.of(request, prepared, indexed, reach(), backends_.cpu(), image);
+            const LightVolumes volumes = light_.of(drawn, prepared, indexed, reach(), backends_.cpu(), image);
             // Before the aggregate: where an element of one throws, GCC 12 destroys nested aggregates before it twice.
-            LightErrors errors = light_probe_.errors(request, prepared, volumes, light_.absorption());
+            LightErrors errors = light_probe_.errors(drawn, prepared, volumes, light_.absorption());
             measured_ = std::make_unique<MeasuredLight>(
                 MeasuredLight{{request.scene, request.camera, request.size}, plan.backend, std::move(errors)});
         } catch (const OutOfMemory&) {
@@ -322,6 +330,14 @@ Image Renderer::State::render(const Request& request, const Frame* drawn_like) {
         draw_on_reference(request, image);
     } else {
         draw(request, prepared, drawn_like != nullptr ? *drawn_like : prepared.frame, image);
+        image.size = request.size;
+        add_bases(prepared.scene, request.scene, request.camera, image);
+        if (request.scene.part && (request.scene.mode == Mode::mip || request.scene.mode == Mode::minimum)) {
+            // Whether any slice counts.
+            image.counts.resize(image.scalar.size());
+            std::transform(image.scalar.begin(), image.scalar.end(), image.counts.begin(),
+                           [](float value) { return std::isnan(value) ? 0.0F : 1.0F; });
+        }
     }
     if (request.outputs.depth && is_scalar(request.scene.mode)) {
         image.depth.assign(static_cast<std::size_t>(request.size.width) * static_cast<std::size_t>(request.size.height),

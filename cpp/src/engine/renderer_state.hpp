@@ -5,6 +5,7 @@
 #include <memory>
 
 #include "backend_choice.hpp"
+#include "counted_scene.hpp"
 #include "draw.hpp"
 #include "facts/field_survey.hpp"
 #include "field_index.hpp"
@@ -23,7 +24,7 @@ struct Renderer::State {
     State& operator=(const State&) = delete;
 
     /// Throws what Renderer::plan throws.
-    Prepared prepare(const Request& request);
+    Prepared prepare(const Request& asked);
     /// The picture of a request. drawn_like: what decides which kernels are drawn, in place of the request's own frame:
     /// coarse stages draw what the picture that they lead to draws, without another look at all kernels.
     Image render(const Request& request, const Frame* drawn_like = nullptr);
@@ -55,14 +56,17 @@ struct Renderer::State {
   private:
     class Pilots;
     [[nodiscard]] Reach reach() const;
-    Indexed find_drawn(const Request& request, const Prepared& prepared, const Frame& drawn_like);
-    void draw(const Request& request, const Prepared& prepared, const Frame& drawn_like, Image& image);
+    /// The fields of a scene, those that stand for them in coarser pictures, and their drawn forms.
+    [[nodiscard]] std::vector<std::shared_ptr<const Field>> kept_fields(const Scene& asked);
+    Indexed find_drawn(const Request& asked, const Prepared& prepared, const Frame& drawn_like);
+    void draw(const Request& asked, const Prepared& prepared, const Frame& drawn_like, Image& image);
 
     const RendererOptions options_;
     BackendChoice backends_;
     FieldSurveys surveys_;
     FieldIndex index_;
     FieldLevels levels_;
+    CountedFields counted_;
     LightVolumeCache light_;
     LightErrorProbe light_probe_;
     struct MeasuredLight {

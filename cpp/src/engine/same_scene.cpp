@@ -63,7 +63,7 @@ static bool same_groups(const std::vector<Scene::LaterGroup>& a, const std::vect
 bool same(const Scene& a, const Scene& b) {
     const auto& [fields, transfer_function, later_groups, slice_spacing, sampling, reference_length, mode, iso_values,
                  lights, material, opacity_stop, preintegration, second_order, filter, gradient, clip, depth_limit,
-                 gradient_opacity, depth_cue, shadows, ambient_occlusion, background, part] = a;
+                 gradient_opacity, depth_cue, shadows, ambient_occlusion, background, counted, part] = a;
     return fields == b.fields && same(transfer_function.points(), b.transfer_function.points()) &&
            same_groups(later_groups, b.later_groups) && slice_spacing == b.slice_spacing && sampling == b.sampling &&
            reference_length == b.reference_length && mode == b.mode && iso_values == b.iso_values &&
@@ -74,7 +74,7 @@ bool same(const Scene& a, const Scene& b) {
            // Not its depths: they belong to one camera, and settings chosen for one view serve others near it.
            depth_limit.has_value() == b.depth_limit.has_value() && gradient_opacity == b.gradient_opacity &&
            same(depth_cue, b.depth_cue) && shadows == b.shadows && same(ambient_occlusion, b.ambient_occlusion) &&
-           background == b.background && !part && !b.part;
+           background == b.background && !counted && !b.counted && !part && !b.part;
 }
 
 } // namespace sheetsplat

@@ -32,14 +32,14 @@ bool is_number(Value value) {
 template <class Value>
 class LatticeSums {
   public:
-    LatticeSums(const RegularField& field, const std::vector<Value>& samples, double peak, bool smallest)
-        : samples_(samples), shape_(field.shape()), radius_(field.options().radius),
+    LatticeSums(const RegularField& field, const std::vector<Value>& samples, double peak, double sign)
+        : field_(field), samples_(samples), shape_(field.shape()), radius_(field.options().radius),
           half_(static_cast<std::int64_t>(std::ceil(std::max(radius_, 1.0)))),
           falloff_(field.kernel().falloff / (radius_ * radius_)), edge_(field.kernel().edge()),
-          weights_(ExtremeBlocks::weights(field, peak)), smallest_(smallest) {}
+          weights_(ExtremeBlocks::weights(field, peak)), counted_from_(field.counted_from()), sign_(sign) {}
 
-    /// Of the points in the block of a place (index coordinates). (Ripples of the sum of weights are neglected, where
-    /// the values of a block are above 0 and the smallest rho is asked for.)
+    /// Of the points in the block of a place (index coordinates), what sign times rho is not less than. (Ripples of the
+    /// sum of weights are neglected where it is above 0.)
     [[nodiscard]] double bound(const std::array<int, 3>& block) const {
         std::array<ExtremeBlocks::Samples, 3> reaching{};
         for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -50,19 +50,20 @@ class LatticeSums {
             inside = inside && ExtremeBlocks::is_inside(block[axis], shape_[2 - axis], radius_);
         }
         // Kernels of all sums that have less weight than those inside: towards 0.
-        Value extreme = smallest_ && inside ? std::numeric_limits<Value>::max() : Value{0};
+        double least = inside ? std::numeric_limits<double>::max() : 0.0;
         for (std::size_t k = reaching[2].begin; k < reaching[2].end; ++k) {
             for (std::size_t j = reaching[1].begin; j < reaching[1].end; ++j) {
-                const Value* row = samples_.data() + (k * shape_[1] + j) * shape_[2];
+                const Value* row = samples_.data() + field_.row(j, k);
                 for (std::size_t i = reaching[0].begin; i < reaching[0].end; ++i) {
-                    extreme = (smallest_ ? row[i] < extreme : row[i] > extreme) ? row[i] : extreme;
+                    const double value = sign_ * (static_cast<double>(row[i]) - counted_from_);
+                    least = value < least ? value : least;
                 }
             }
         }
-        return static_cast<double>(extreme) * weights_;
+        return least * weights_;
     }
 
-    /// Samples in a block, and how many of them are not 0.
+    /// Samples in a block, and how many of them are not the base.
     struct Count {
         std::int64_t all = 0, drawn = 0;
     };
@@ -74,10 +75,13 @@ class LatticeSums {
         Count count;
         for (std::size_t k = in[2].begin; k < in[2].end; ++k) {
             for (std::size_t j = in[1].begin; j < in[1].end; ++j) {
-                const Value* row = samples_.data() + (k * shape_[1] + j) * shape_[2];
+                const Value* row = samples_.data() + field_.row(j, k);
                 count.all += static_cast<std::int64_t>(in[0].end - in[0].begin);
                 count.drawn += std::count_if(row + in[0].begin, row + in[0].end,
-                                             [](Value value) { return value < Value{0} || value > Value{0}; });
+                                             [base = counted_from_](Value value) {
+                                                 const auto own = static_cast<double>(value);
+                                                 return own < base || own > base;
+                                             });
             }
         }
         return count;
@@ -112,27 +116,27 @@ class LatticeSums {
         for (std::int64_t z = begin[2]; z < end[2]; ++z) {
             for (std::int64_t y = begin[1]; y < end[1]; ++y) {
                 const double across = factors[2][static_cast<std::size_t>(z)] * factors[1][static_cast<std::size_t>(y)];
-                const Value* row = samples_.data() + (static_cast<std::size_t>(first[2] + z) * shape_[1] +
-                                                      static_cast<std::size_t>(first[1] + y)) *
-                                                         shape_[2];
+                const Value* row = samples_.data() + field_.row(static_cast<std::size_t>(first[1] + y),
+                                                                static_cast<std::size_t>(first[2] + z));
                 for (std::int64_t x = begin[0]; x < end[0]; ++x) {
                     const Value value = row[first[0] + x];
                     const double weight = across * factors[0][static_cast<std::size_t>(x)] - edge_;
-                    sum += weight > 0.0 && is_number(value) ? weight * static_cast<double>(value) : 0.0;
+                    sum += weight > 0.0 && is_number(value) ? weight * (static_cast<double>(value) - counted_from_) : 0.0;
                 }
             }
         }
-        return sum;
+        return sign_ * sum;
     }
 
   private:
+    const RegularField& field_;
     const std::vector<Value>& samples_;
     const std::array<std::size_t, 3> shape_;
     const double radius_;
     const std::int64_t half_; ///< samples on either side that may reach a point
     const double falloff_, edge_;
     const double weights_;
-    const bool smallest_;
+    const double counted_from_, sign_;
 };
 
 /// The points of a ray that are kept and where kernels may reach: start + n step, begin <= n < end, index coordinates.
@@ -231,9 +235,9 @@ double ExtremeBlocks::weights(const RegularField& field, double ripple) {
     return ripple * field.lattice_constant() / field.kernel().gain();
 }
 
-ExtremeFacts extreme_facts(const RegularField& field, double peak, bool smallest, const std::vector<Clip::Plane>& kept,
+ExtremeFacts extreme_facts(const RegularField& field, double peak, double sign, const std::vector<Clip::Plane>& kept,
                            const Camera& camera, const Frame& frame) {
-    if (frame.slices == 0 || field.size() == 0 || (!smallest && field.value_range()[1] <= 0.0)) {
+    if (frame.slices == 0 || field.size() == 0) {
         return {};
     }
     const auto share = [](std::int64_t part, std::int64_t of) {
@@ -242,11 +246,11 @@ ExtremeFacts extreme_facts(const RegularField& field, double peak, bool smallest
     return std::visit(
         [&](const auto& samples) {
             using Value = typename std::decay_t<decltype(samples)>::value_type;
-            const LatticeSums<Value> lattice(field, samples, peak, smallest);
-            const auto beyond = [smallest](double a, double b) { return smallest ? a < b : a > b; };
+            const LatticeSums<Value> lattice(field, samples, peak, sign);
             std::vector<double> bounds;
             const auto [least, greatest] = field.value_range();
-            const double farthest = ExtremeBlocks::weights(field, peak) * (smallest ? std::min(least, 0.0) : greatest);
+            const double farthest =
+                ExtremeBlocks::weights(field, peak) * std::min({0.0, sign * least, sign * greatest});
             std::int64_t looked = 0, left = 0, asked = 0, samples_met = 0, drawn = 0;
             int rays = 0;
             for (int candidate = 1; candidate <= most_rays && rays < wanted_rays; ++candidate) {
@@ -263,7 +267,7 @@ ExtremeFacts extreme_facts(const RegularField& field, double peak, bool smallest
                 const std::int64_t every = (points.end - points.begin + most_points - 1) / most_points;
                 bounds.clear();
                 std::array<int, 3> last{-1, -1, -1};
-                double bound = 0.0, extreme = smallest ? std::numeric_limits<double>::infinity() : 0.0;
+                double bound = 0.0, extreme = std::numeric_limits<double>::infinity();
                 for (std::int64_t n = points.begin; n < points.end; n += every) {
                     const Vec3 place = points.start + static_cast<double>(n) * points.step;
                     std::array<int, 3> block{};
@@ -279,14 +283,14 @@ ExtremeFacts extreme_facts(const RegularField& field, double peak, bool smallest
                         last = block;
                     }
                     bounds.push_back(bound);
-                    asked += beyond(farthest, extreme) ? 1 : 0;
-                    if (beyond(bound, extreme) && (!smallest || lattice.reaches(place))) {
+                    asked += farthest < extreme ? 1 : 0;
+                    if (bound < extreme && lattice.reaches(place)) {
                         const double rho = lattice.rho(place);
-                        extreme = beyond(rho, extreme) ? rho : extreme;
+                        extreme = std::min(extreme, rho);
                     }
                 }
                 looked += static_cast<std::int64_t>(bounds.size());
-                left += std::count_if(bounds.begin(), bounds.end(), [&](double of) { return beyond(of, extreme); });
+                left += std::count_if(bounds.begin(), bounds.end(), [&](double of) { return of < extreme; });
             }
             return ExtremeFacts{share(left, looked), share(asked, looked), share(drawn, samples_met)};
         },

@@ -54,6 +54,7 @@ double least_change(const RegularField& field) {
     const auto [least, greatest] = field.value_range();
     const double counts = least_that_counts * std::max(std::abs(least), std::abs(greatest));
     const auto [nk, nj, ni] = field.shape();
+    const double base = field.counted_from();
     return std::visit(
         [&, nj = nj, ni = ni, nk = nk](const auto& samples) {
             using Value = typename std::decay_t<decltype(samples)>::value_type;
@@ -67,7 +68,7 @@ double least_change(const RegularField& field) {
                     std::fill(high.begin(), high.end(), std::numeric_limits<Value>::lowest());
                     for (const std::size_t layer : {k, std::min(k + 1, nk - 1)}) {
                         for (const std::size_t row : {j, std::min(j + 1, nj - 1)}) {
-                            const Value* from = samples.data() + (layer * nj + row) * ni;
+                            const Value* from = samples.data() + field.row(row, layer);
                             // (A NaN is not beyond anything.)
                             for (std::size_t i = 0; i < ni; ++i) {
                                 low[i] = from[i] < low[i] ? from[i] : low[i];
@@ -77,8 +78,8 @@ double least_change(const RegularField& field) {
                     }
                     for (std::size_t i = 0; i < ni; i += 2) {
                         const std::size_t next = std::min(i + 1, ni - 1);
-                        const auto lowest = static_cast<double>(std::min(low[i], low[next]));
-                        const auto highest = static_cast<double>(std::max(high[i], high[next]));
+                        const auto lowest = static_cast<double>(std::min(low[i], low[next])) - base;
+                        const auto highest = static_cast<double>(std::max(high[i], high[next])) - base;
                         if (lowest <= highest && std::max(-lowest, highest) >= counts) {
                             found = std::min(found, highest - lowest);
                         }

@@ -194,7 +194,17 @@ EllipsoidField::EllipsoidField(EllipsoidArrays arrays, const EllipsoidFieldOptio
         }
     }
     check_rotations(arrays_.rotations, arrays_.unit_rotations);
+    if (!(std::abs(options.base) <= largest_number)) {
+        throw InvalidInput(Complaint{unusable(owner, "base"), text_of(options.base),
+                                     "a finite number of magnitude up to " + text_of(largest_number),
+                                     "give the value that the field has where no kernel reaches"});
+    }
+    base_ = options.base;
+    least_weight_ = options.least_weight;
     value_range_ = check_values(arrays_.values);
+    if (!arrays_.values.empty()) {
+        value_range_ = {value_range_[0] - base_, value_range_[1] - base_};
+    }
     if (options_.value_range) {
         value_range_ = {std::min(value_range_[0], (*options_.value_range)[0]),
                         std::max(value_range_[1], (*options_.value_range)[1])};

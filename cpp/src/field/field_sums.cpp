@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <variant>
 #include <vector>
 
@@ -153,7 +154,6 @@ class VolumeSums {
 
     template <class Sample>
     FieldSums sums(const Sample* samples) const {
-        const auto [nk, nj, ni] = field_.shape();
         FieldSums sums;
         for (std::size_t c = 0; c < z_.count(); ++c) {
             const std::size_t layer = z_.first + c, odd = bcc_ ? layer % 2 : 0;
@@ -162,11 +162,14 @@ class VolumeSums {
                 if (y.squared[b] + z_.squared[c] >= 1.0) {
                     continue;
                 }
-                const std::size_t row = (layer * nj + y.first + b) * ni + x.first;
+                const std::size_t row = field_.row(y.first + b, layer) + x.first;
                 const double factor = y.factor[b] * z_.factor[c];
-                for (std::size_t a = 0; a < x.count(); ++a) {
+                const SampleRange kernels = field_.kernels_of_row(y.first + b, layer);
+                const std::size_t begin = kernels.begin > x.first ? kernels.begin - x.first : 0;
+                const std::size_t end = std::min<std::size_t>(x.count(), kernels.end > x.first ? kernels.end - x.first : 0);
+                for (std::size_t a = begin; a < end; ++a) {
                     const double r2 = x.squared[a] + y.squared[b] + z_.squared[c];
-                    const auto value = static_cast<double>(samples[row + a]);
+                    const double value = static_cast<double>(samples[row + a]) - field_.counted_from();
                     if (r2 < 1.0 && !std::isnan(value)) {
                         const Vec3 offset(x.offset[a], y.offset[b], z_.offset[c]);
                         const Vec3 slope = Vec3(x.in_axes[a], y.in_axes[b], z_.in_axes[c]) / semi_axes_;
@@ -194,13 +197,16 @@ std::vector<FieldSums> field_sums(const Field& field, const std::vector<Vec3>& p
     if (ellipsoids != nullptr) {
         return sums_of(*ellipsoids, points, pool);
     }
-    const RegularField& volume = *as_regular(&field);
+    const RegularField& given = *as_regular(&field);
+    const std::shared_ptr<const RegularField> mirrored = given.with_mirrored();
+    const RegularField& volume = mirrored ? *mirrored : given;
     std::vector<FieldSums> sums(points.size());
     pool.run((points.size() + points_at_a_time - 1) / points_at_a_time, [&](std::size_t block, int) {
         const std::size_t last = std::min(points.size(), (block + 1) * points_at_a_time);
         VolumeSums at(volume);
         for (std::size_t n = block * points_at_a_time; n < last; ++n) {
             sums[n] = at.at(points[n]);
+            sums[n].nearest = given.sample_of(sums[n].nearest);
         }
     });
     return sums;

@@ -1,8 +1,11 @@
-// A lattice of samples f_n at x_n gets the coefficients c_n with sum_m c_m g(x_n - x_m) = f_n at every sample; beyond
-// the box there is no kernel. The matrix of g(x_n - x_m) is a block of the infinite lattice's convolution, so its
-// eigenvalues lie between the smallest and the largest value of that convolution's spectrum (Cauchy's interlacing
-// theorem): where the spectrum is above 0 the coefficients exist, are unique, and lose no more digits than the ratio of
-// the spectrum's ends.
+// A lattice of samples f_n at x_n gets the coefficients c_n with sum_m c_m g(x_n - x_m) = f_n - b at every sample.
+//
+// With the boundary `zero` there is no kernel beyond the box: the matrix of g(x_n - x_m) is a block of the infinite
+// lattice's convolution, so its eigenvalues lie between the smallest and the largest value of that convolution's
+// spectrum (Cauchy's interlacing theorem). With `edge` coefficients are mirrored as the samples are, so that the sums
+// are the convolution of periodic volumes that are even about their outermost samples: its eigenvectors are products of
+// cosines (of the discrete cosine transform I), its eigenvalues values of the spectrum. Either way, where the spectrum
+// is above 0 the coefficients exist, are unique, and lose no more digits than the ratio of the spectrum's ends.
 //
 // Each step adds a share of an approximate inverse of what the sums miss (preconditioned Richardson iteration). On a
 // Cartesian lattice the kernels are nearly a product of three functions of one axis, whose inverse, border included, is
@@ -35,14 +38,14 @@ using namespace prefiltering;
 constexpr double widest = 16.0;
 /// A solution in float64 starts where float32 has no digits left for small coefficients, or no numbers for large ones.
 constexpr double smallest_narrow = 1e-25, largest_narrow = 1e25;
-/// Remainders, relative to the largest sample, below which nothing is left to do.
+/// Remainders, relative to the largest sample's distance from the base, below which nothing is left to do.
 template <class C>
 constexpr double enough = std::is_same_v<C, float> ? 2e-8 : 1e-12;
 /// By how much a cycle of steps reduces the error.
 template <class C>
 constexpr double reduction = std::is_same_v<C, float> ? 3e-8 : 1e-13;
-/// Sums are float32 while the step before left more than the first, of the largest sample, and they themselves find
-/// more than the second.
+/// Sums are float32 while the step before left more than the first, relative to the same, and they themselves find more
+/// than the second.
 constexpr double coarse_above = 1e-3, coarse_until = 1e-5;
 /// Steps of a cycle; longer cycles lose digits between its first and its last step.
 constexpr int longest_cycle = 16;
@@ -116,7 +119,7 @@ struct Solution {
     int steps = 0;
 };
 
-/// Steps until the remainder is small enough or does not fall any more. largest: of the samples.
+/// Steps until the remainder is small enough or does not fall any more. largest: |sample - base|.
 template <class C>
 Solution<C> solve(const Equations& equations, const Fit& fitted, double largest, int most_steps, ThreadPool& pool) {
     const auto [nk, nj, ni] = equations.shape;
@@ -214,9 +217,9 @@ void require_finite(const std::vector<T>& samples, const Shape& shape, const Reg
 }
 
 template <class T>
-double largest_magnitude(const std::vector<T>& samples) {
+double largest_difference(const std::vector<T>& samples, double base) {
     const auto [low, high] = std::minmax_element(samples.begin(), samples.end());
-    return std::max(-static_cast<double>(*low), static_cast<double>(*high));
+    return std::max(base - static_cast<double>(*low), static_cast<double>(*high) - base);
 }
 
 /// The taps of kernels that can be prefiltered, and their condition number.
@@ -265,6 +268,9 @@ PrefilteredSamples prefiltered(const SampleArray& samples, const std::array<std:
     result.figures.condition = condition;
     Equations equations;
     equations.shape = shape;
+    // (The mirrors of a BCC lattice need layers of both kinds.)
+    equations.mirrored = options.boundary == Boundary::edge && !(taps.bcc && shape[0] < 2);
+    equations.base = options.base.value_or(0.0);
     double largest = 0.0;
     bool narrow = true;
     std::visit(
@@ -273,7 +279,7 @@ PrefilteredSamples prefiltered(const SampleArray& samples, const std::array<std:
             if constexpr (std::is_floating_point_v<T>) {
                 require_finite(array, shape, options);
             }
-            largest = largest_magnitude(array);
+            largest = largest_difference(array, equations.base);
             narrow = !std::is_same_v<T, double> &&
                      (largest == 0.0 || (largest > smallest_narrow && largest < largest_narrow));
             equations.samples = array.data();
@@ -300,7 +306,7 @@ PrefilteredSamples prefiltered(const SampleArray& samples, const std::array<std:
     equations.kind = samples.index();
     equations.kernel = stencil_of<double>(taps);
     equations.coarse_kernel = stencil_of<float>(taps);
-    Fit fitted = fit(taps, shape);
+    Fit fitted = fit(taps, shape, equations.mirrored);
     equations.preconditioner = std::move(fitted.preconditioner);
     ThreadPool pool(static_cast<int>(threads));
     const auto keep = [&](auto solution) {
@@ -319,7 +325,7 @@ PrefilteredSamples prefiltered(const SampleArray& samples, const std::array<std:
     if (!(result.figures.residual <= worst_prefilter_residual)) {
         throw Error(Complaint{"RegularField: the samples cannot be prefiltered",
                               "sums that are " + text_of(result.figures.residual, 2) +
-                                  " of the largest sample away from the samples after " +
+                                  " of the largest difference from the base away from the samples after " +
                                   text_of_count(static_cast<std::uint64_t>(result.figures.steps)) + " steps",
                               "at most " + text_of(worst_prefilter_residual),
                               "use a larger " + option_ref("falloff") + " or a smaller " + option_ref("radius") +

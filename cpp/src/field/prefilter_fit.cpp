@@ -5,6 +5,8 @@
 #include <map>
 #include <utility>
 
+#include "mirrored.hpp"
+
 namespace sheetsplat::prefiltering {
 namespace {
 
@@ -125,10 +127,28 @@ std::pair<int, double> band_of(const std::vector<double>& matrix, const std::vec
     }
 }
 
+/// The same filter at all samples of an axis, beyond whose ends samples are mirrored.
+void set_mirrored_filters(const std::vector<double>& filter, std::size_t axis, std::size_t length, AxisFilters& axes) {
+    const int band = axes.band;
+    for (std::size_t index = 0; index < length; ++index) {
+        std::vector<double> folded(filter.size(), 0.0);
+        for (int offset = -band; offset <= band; ++offset) {
+            const auto at = static_cast<std::ptrdiff_t>(index);
+            const auto image = static_cast<std::ptrdiff_t>(mirrored_index(at + offset, length));
+            folded[static_cast<std::size_t>(image - at + band)] += filter[static_cast<std::size_t>(offset + band)];
+        }
+        for (std::size_t n = 0; n < folded.size(); ++n) {
+            axes.taps[axis][n * length + index] = static_cast<float>(folded[n]);
+        }
+    }
+}
+
 /// ln of the spectrum is fitted by u(k) + u(j) + u(i), which has a closed form; exp u is the spectrum of a filter along
 /// one axis. The three filters' matrix on a box is a Kronecker product of Toeplitz matrices, and so is its inverse,
 /// with the border. Quotients of Toeplitz matrices have eigenvalues between the ends of the quotient of their spectra.
-Fit fit_separable(const Taps& taps, const Shape& shape) {
+/// With mirrored samples kernels and filters are those of an endless lattice on volumes that are mirrored again and
+/// again, whose frequencies are some of those of all volumes.
+Fit fit_separable(const Taps& taps, const Shape& shape, bool mirrored) {
     constexpr std::size_t count = fitted_frequencies;
     std::vector<double> logarithms(count * count * count);
     for_spectrum(taps, count, [&](std::size_t k, std::size_t j, std::size_t i, double value) {
@@ -169,18 +189,27 @@ Fit fit_separable(const Taps& taps, const Shape& shape) {
     }
     AxisFilters& axes = made.preconditioner.axes;
     constexpr std::size_t longest = 2 * filter_border;
-    const std::vector<double> whole = toeplitz(filter, longest);
-    const auto [band, rest] = band_of(whole, inverse(whole, longest), longest);
+    const std::vector<double> whole = toeplitz(filter, longest), whole_inverse = inverse(whole, longest);
+    const auto [band, rest] = band_of(whole, whole_inverse, longest);
     axes.band = band;
     // The axes are cut at different frequencies: where all three are at their worst, steps gain a little less.
     made.low = std::exp(least) * (1.0 - rest);
     made.high = std::exp(most) * (1.0 + rest);
     for (std::size_t axis = 0; axis < 3; ++axis) {
         const std::size_t length = shape[axis];
-        const std::size_t n = std::min(length, longest);
-        const std::vector<double> inverted = inverse(toeplitz(filter, n), n);
         std::vector<float>& entries = axes.taps[axis];
         entries.assign(static_cast<std::size_t>(2 * band + 1) * length + filter_slack, 0.0F);
+        if (mirrored) {
+            std::vector<double> middle;
+            for (int offset = -band; offset <= band; ++offset) {
+                middle.push_back(
+                    whole_inverse[longest / 2 * (longest + 1) + static_cast<std::size_t>(std::abs(offset))]);
+            }
+            set_mirrored_filters(middle, axis, length, axes);
+            continue;
+        }
+        const std::size_t n = std::min(length, longest);
+        const std::vector<double> inverted = inverse(toeplitz(filter, n), n);
         for (std::size_t index = 0; index < length; ++index) {
             // The middle row stands for all that are far from the ends.
             const std::size_t row = index < filter_border ? index : std::max(n - std::min(n, length - index), n / 2);
@@ -351,7 +380,7 @@ double largest_eigenvalue(const Taps& kernel, const Taps& stencil, const Shape& 
     return value;
 }
 
-Fit fit_stencil(const Taps& taps, const Shape& shape) {
+Fit fit_stencil(const Taps& taps, const Shape& shape, bool mirrored) {
     const std::vector<Shell> shells = nearest_shells(most_shells);
     // Each shell's spectrum times that of the kernels.
     std::vector<std::vector<double>> basis(shells.size());
@@ -392,7 +421,9 @@ Fit fit_stencil(const Taps& taps, const Shape& shape) {
     made.preconditioner.stencil = stencil_of<float>(inverse_taps);
     made.low = found.low;
     constexpr double margin = 1.03;
-    made.high = std::max(found.high, margin * largest_eigenvalue(taps, inverse_taps, shape));
+    // The eigenvalues of mirrored volumes are values of the spectrum, those of others are larger at borders.
+    made.high =
+        mirrored ? margin * found.high : std::max(found.high, margin * largest_eigenvalue(taps, inverse_taps, shape));
     return made;
 }
 
@@ -477,8 +508,8 @@ Stencil<T> stencil_of(const Taps& taps) {
 template Stencil<float> stencil_of<float>(const Taps& taps);
 template Stencil<double> stencil_of<double>(const Taps& taps);
 
-Fit fit(const Taps& taps, const Shape& shape) {
-    return taps.bcc ? fit_stencil(taps, shape) : fit_separable(taps, shape);
+Fit fit(const Taps& taps, const Shape& shape, bool mirrored) {
+    return taps.bcc ? fit_stencil(taps, shape, mirrored) : fit_separable(taps, shape, mirrored);
 }
 
 } // namespace sheetsplat::prefiltering

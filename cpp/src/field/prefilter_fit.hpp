@@ -33,7 +33,7 @@ struct Fit {
     double low = 1.0, high = 1.0;
 };
 
-/// taps: of a spectrum above 0.
-Fit fit(const Taps& taps, const Shape& shape);
+/// taps: of a spectrum above 0. mirrored: as in Equations.
+Fit fit(const Taps& taps, const Shape& shape, bool mirrored);
 
 } // namespace sheetsplat::prefiltering

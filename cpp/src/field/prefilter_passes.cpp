@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <type_traits>
 
+#include "mirrored.hpp"
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "prefilter_passes.cpp"
 #include "hwy/foreach_target.h"
@@ -19,8 +21,8 @@ namespace hn = hwy::HWY_NAMESPACE;
 /// Columns of a stencil that are summed at once, as many as registers hold.
 constexpr std::size_t most_columns = 4;
 
-/// Numbers in rows of scratch are preceded and followed by zeros, at least as many as a filter reaches and vectors side
-/// by side hold.
+/// Numbers in rows of scratch are preceded and followed by zeros or by their images, at least as many as a filter
+/// reaches and vectors side by side hold.
 constexpr std::size_t round_up(std::size_t count) { return (count + 63) / 64 * 64; }
 struct Padded {
     std::size_t before, length;
@@ -129,11 +131,31 @@ void sum_columns(const Scratch& scratch, const T* taps, std::size_t stride, std:
     }
 }
 
-/// The sums at row j of layer k, a row for each distance along i: sums + column * length.
+/// Writes, before and behind the sums of rows of layer k, as many of their images as `across` reads.
+template <class T>
+void mirror_ends(const Stencil<T>& stencil, std::size_t ni, std::size_t k, T* sums, std::size_t length) {
+    for (std::size_t column = 1; column < stencil.columns; ++column) {
+        // Rows whose distance along i is odd lie in layers of the other kind.
+        const std::size_t odd = (k + column) % 2;
+        const auto source = [&](std::ptrdiff_t i) {
+            return stencil.bcc ? mirrored_index_bcc(i, ni, odd) : mirrored_index(i, ni);
+        };
+        const auto reach = static_cast<std::ptrdiff_t>(stencil.bcc ? (column + 1) / 2 : column);
+        const auto end = static_cast<std::ptrdiff_t>(ni);
+        T* const row = sums + column * length;
+        for (std::ptrdiff_t n = 0; n < reach; ++n) {
+            row[-1 - n] = row[source(-1 - n)];
+            row[end + n] = row[source(end + n)];
+        }
+    }
+}
+
+/// The sums at row j of layer k, a row for each distance along i: sums + column * length. Mirrored samples beyond the
+/// ends follow and precede them; beyond other ends nothing is changed, or made 0.
 template <class T, class In>
-void sum_rows(const Stencil<T>& stencil, const Shape& shape, const In* volume, std::size_t k, std::size_t j,
+void sum_rows(const Equations& equations, const Stencil<T>& stencil, const In* volume, std::size_t k, std::size_t j,
               Scratch& scratch, T* sums, std::size_t length) {
-    const auto [nk, nj, ni] = shape;
+    const auto [nk, nj, ni] = equations.shape;
     scratch.rows.resize(stencil.rows.size());
     scratch.ends.resize(stencil.kinds);
     scratch.kinds.resize(stencil.kinds);
@@ -141,8 +163,14 @@ void sum_rows(const Stencil<T>& stencil, const Shape& shape, const In* volume, s
     const std::size_t odd_layer = k % 2;
     std::size_t count = 0, kinds = 0, kind = stencil.kinds;
     for (const auto& row : stencil.rows) {
-        const std::size_t at_k = k + static_cast<std::size_t>(row.k);
-        const std::size_t at_j = j + static_cast<std::size_t>(row.j[odd_layer]);
+        std::size_t at_k = k + static_cast<std::size_t>(row.k);
+        std::size_t at_j = j + static_cast<std::size_t>(row.j[odd_layer]);
+        if (equations.mirrored) {
+            // Images of layers are layers of the same kind, odd or even.
+            const auto beyond_k = static_cast<std::ptrdiff_t>(at_k), beyond_j = static_cast<std::ptrdiff_t>(at_j);
+            at_j = stencil.bcc ? mirrored_index_bcc(beyond_j, nj, at_k % 2) : mirrored_index(beyond_j, nj);
+            at_k = mirrored_index(beyond_k, nk);
+        }
         // Negative indices are large ones.
         if (at_k < nk && at_j < nj) {
             if (row.kind != kind) {
@@ -171,6 +199,9 @@ void sum_rows(const Stencil<T>& stencil, const Shape& shape, const In* volume, s
             sum_columns<4, T, In>(scratch, taps, stencil.columns, ni, to, length);
         }
     }
+    if (equations.mirrored) {
+        mirror_ends(stencil, ni, k, sums, length);
+    }
 }
 
 /// The whole sum at a vector of places of a row of layer k.
@@ -187,16 +218,23 @@ HWY_INLINE hn::Vec<D> across(D d, const Stencil<T>& stencil, int odd_layer, cons
     return whole;
 }
 
-/// Copies samples as numbers of another type.
+/// Copies samples, counted from the base, as numbers of another type.
 template <class T, class Sample>
-void read_row(const void* samples, std::size_t first, std::size_t count, T* row) {
+void read_row(const void* samples, std::size_t first, std::size_t count, double base, T* row) {
     const Sample* const from = static_cast<const Sample*>(samples) + first;
+    if (base == 0.0) {
+        for (std::size_t n = 0; n < count; ++n) {
+            row[n] = static_cast<T>(from[n]);
+        }
+        return;
+    }
+    // (In float32 a difference of large samples would have few digits.)
     for (std::size_t n = 0; n < count; ++n) {
-        row[n] = static_cast<T>(from[n]);
+        row[n] = static_cast<T>(static_cast<double>(from[n]) - base);
     }
 }
 template <class T>
-using ReadRow = void (*)(const void* samples, std::size_t first, std::size_t count, T* row);
+using ReadRow = void (*)(const void* samples, std::size_t first, std::size_t count, double base, T* row);
 /// In the order of SampleArray.
 template <class T>
 constexpr ReadRow<T> read_rows[] = {&read_row<T, std::uint8_t>, &read_row<T, std::int16_t>, &read_row<T, std::uint16_t>,
@@ -209,9 +247,10 @@ double subtract_row(const Equations& equations, const Stencil<T>& kernel, const 
     const std::size_t count = equations.shape[2];
     T* const wanted = wide;
     T* const sums = wide + padded.length + padded.before;
-    read_rows<T>[equations.kind](equations.samples, (k * equations.shape[1] + j) * count, count, wanted);
+    read_rows<T>[equations.kind](equations.samples, (k * equations.shape[1] + j) * count, count, equations.base,
+                                 wanted);
     if (coefficients != nullptr) {
-        sum_rows<T, C>(kernel, equations.shape, coefficients, k, j, scratch, sums, padded.length);
+        sum_rows<T, C>(equations, kernel, coefficients, k, j, scratch, sums, padded.length);
     }
     const hn::ScalableTag<T> d;
     const std::size_t lanes = hn::Lanes(d);
@@ -446,7 +485,7 @@ double add(const Equations& equations, const float* remainder, double share, con
     for (std::size_t k = tile.k0; k < tile.k1; ++k) {
         const int odd_layer = static_cast<int>(k % 2);
         for (std::size_t j = tile.j0; j < tile.j1; ++j) {
-            sum_rows<float, float>(stencil, equations.shape, remainder, k, j, scratch, sums, padded.length);
+            sum_rows<float, float>(equations, stencil, remainder, k, j, scratch, sums, padded.length);
             C* const to = coefficients + k * plane + j * ni;
             for (std::size_t i = 0; i < ni; i += lanes) {
                 change(to + i, std::min(lanes, ni - i), across(d, stencil, odd_layer, sums + i, padded.length));

@@ -36,7 +36,8 @@ constexpr std::size_t filter_border = 32;
 /// Numbers behind the taps, so that whole vectors can be read.
 constexpr std::size_t filter_slack = 64;
 
-/// Filters along one axis after the other. A sample's output is the sum of its neighbours up to `band` away.
+/// Filters along one axis after the other. A sample's output is the sum of its neighbours up to `band` away. Where
+/// samples are mirrored, the weights of the images are added to those of what they are images of, which are no farther.
 struct AxisFilters {
     int band = 0;
     /// [axis k, j, i][offset + band][index]; 0 where a neighbour lies outside.
@@ -94,11 +95,14 @@ struct Scratch {
 /// What is the same for all tiles.
 struct Equations {
     Shape shape{};
+    /// Sums run also over the samples that are mirrored in the outermost ones, rows, layers and ends of rows alike.
+    bool mirrored = false;
     Stencil<double> kernel;
     Stencil<float> coarse_kernel;
     Preconditioner preconditioner;
     const void* samples = nullptr;
     std::size_t kind = 0; ///< of the samples: the index in SampleArray
+    double base = 0.0;    ///< what the sums are to add up to is counted from it
     double unit = 1.0;    ///< a power of two: remainders are kept in this unit
 };
 
@@ -110,8 +114,8 @@ enum class Accuracy {
 /// C: float or double, the type of coefficients. `remainder`: as large as the volume.
 template <class C>
 struct Passes {
-    /// remainder = samples - sums of coefficients, and, if the preconditioner is separable, filtered along i and j.
-    /// Returns the largest |remainder| in the tile before filters. coefficients: null for 0.
+    /// remainder = samples - base - sums of coefficients, and, if the preconditioner is separable, filtered along i and
+    /// j. Returns the largest |remainder| in the tile before filters. coefficients: null for 0.
     double (*subtract)(Accuracy accuracy, const Equations& equations, const C* coefficients, const Tile& tile,
                        Scratch& scratch, float* remainder);
     /// coefficients += share * what is left to do of the preconditioner (remainder). Returns the largest |coefficient|.

@@ -9,9 +9,11 @@
 #include <glm/geometric.hpp>
 
 #include "base/checks.hpp"
+#include "base/memory.hpp"
 #include "base/poll.hpp"
 #include "base/unusable.hpp"
 #include "field/prefilter.hpp"
+#include "mirrored.hpp"
 #include "sheetsplat/error.hpp"
 #include "sheetsplat/field.hpp"
 
@@ -20,6 +22,8 @@ namespace {
 
 /// Sums over the kernels that overlap must stay finite in float64.
 constexpr double largest_sample = 1e300;
+/// More mirrored layers than any kernel that can be drawn in a lifetime reaches.
+constexpr double largest_mirrored = 4096.0;
 
 std::string text_of_shape(const std::array<std::size_t, 3>& shape) {
     return "(" + text_of_count(shape[0]) + ", " + text_of_count(shape[1]) + ", " + text_of_count(shape[2]) + ")";
@@ -53,7 +57,39 @@ void check_options(const RegularFieldOptions& options) {
     } else if (!is_finite(options.w0)) {
         throw InvalidInput(Complaint{unusable(owner, "w0"), text_of(options.w0), "a finite number"});
     }
+    if (options.base && !(std::abs(*options.base) <= largest_sample)) {
+        throw InvalidInput(Complaint{unusable(owner, "base"), text_of(*options.base),
+                                     "a finite number of magnitude up to " + text_of(largest_sample),
+                                     "leave it out to count values from one of the data's"});
+    }
 }
+
+/// The value of the first sample that is not missing, if at least one in a hundred has it, else the middle of the
+/// range; 0 where all are missing (conventions, section 2).
+template <class T>
+double base_of(const std::vector<T>& samples, std::size_t present, const std::array<double, 2>& range) {
+    const auto first = std::find_if(samples.begin(), samples.end(), [](T value) { return value == value; });
+    if (first == samples.end()) {
+        return 0.0;
+    }
+    const std::size_t enough = (present + 99) / 100;
+    constexpr std::ptrdiff_t at_a_time = 1 << 16;
+    std::size_t same = 0;
+    for (auto from = first; from != samples.end() && same < enough;) {
+        const auto past = samples.end() - from > at_a_time ? from + at_a_time : samples.end();
+        same += static_cast<std::size_t>(std::count(from, past, *first));
+        from = past;
+    }
+    return same >= enough ? static_cast<double>(*first) : 0.5 * range[0] + 0.5 * range[1];
+}
+
+/// How far supports reach, counted in layers of samples: BCC lattices have two for each edge.
+double radius_in_layers(const RegularFieldOptions& options) {
+    return options.lattice == Lattice::bcc ? options.radius * std::sqrt(2.0) : options.radius;
+}
+
+/// Beyond the outermost layer the domain goes on for half a layer distance.
+constexpr double domain_in_layers = 0.5;
 
 /// The number of samples that the shape stands for.
 std::size_t check_shape(const std::array<std::size_t, 3>& shape, std::size_t length) {
@@ -152,6 +188,14 @@ double along(const RegularFieldOptions& options, int axis, std::size_t steps_alo
                                            : options.origin[axis] + n * options.spacing[axis];
 }
 
+void require_moderate(const std::array<double, 2>& range) {
+    if (std::max(-range[0], range[1]) > largest_sample) {
+        throw InvalidInput(Complaint{
+            "RegularField: the samples cannot be used", "values from " + text_of(range[0]) + " to " + text_of(range[1]),
+            "magnitudes up to " + text_of(largest_sample) + ", so that their sums stay finite", "scale the samples"});
+    }
+}
+
 [[noreturn]] void refuse_sample(double value, const std::array<std::size_t, 3>& shape, std::size_t n, bool skip_helps) {
     const std::size_t ni = shape[2];
     const std::size_t nj = shape[1];
@@ -168,6 +212,7 @@ double along(const RegularFieldOptions& options, int axis, std::size_t steps_alo
 template <class T>
 struct Holes {
     Extent extent;
+    std::vector<SampleRange> rows; ///< from the first to the last kernel of each row
     double smallest = 0.0;
     double largest = 0.0;
     std::size_t kernels = 0;
@@ -176,6 +221,10 @@ struct Holes {
         const auto [nk, nj, ni] = shape;
         T low = std::numeric_limits<T>::infinity();
         T high = -low;
+        require_memory(
+            checked_product(checked_product(nk, nj, "rows of samples"), sizeof(SampleRange), "rows of samples"),
+            "the rows of a volume with missing samples", "use a smaller volume");
+        rows.resize(nk * nj);
         const T* row = samples.data();
         for (std::size_t k = 0; k < nk; ++k) {
             for (std::size_t j = 0; j < nj; ++j, row += ni) {
@@ -197,6 +246,7 @@ struct Holes {
                     }
                 }
                 if (first < ni) {
+                    rows[k * nj + j] = {static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(last + 1)};
                     extent.add(0, steps(options.lattice, first, k), steps(options.lattice, last, k));
                     extent.add(1, steps(options.lattice, j, k), steps(options.lattice, j, k));
                     extent.add(2, k, k);
@@ -267,13 +317,14 @@ RegularField::RegularField(SampleArray samples, PrefilteredSamples found, std::a
 
 RegularField::RegularField(SampleArray samples, std::array<std::size_t, 3> shape, const RegularFieldOptions& options,
                            const Progress& progress, PrefilteredSamples* found)
-    : samples_(std::move(samples)), shape_(shape), options_(options) {
+    : shape_(shape), options_(options) {
     const auto size_of = [](const auto& array) { return array.size(); };
-    const std::size_t count = check_shape(shape_, std::visit(size_of, samples_));
+    const std::size_t count = check_shape(shape_, std::visit(size_of, samples));
     check_options(options_);
     kernel_.falloff = options_.falloff;
     normalization_ = options_.normalization;
     w0_ = options_.w0;
+    least_weight_ = options_.least_weight;
     if (!std::isnormal(kernel_.gain()) || !std::isnormal(lattice_constant())) {
         throw InvalidInput(Complaint{
             "RegularField: radius and falloff give a kernel that float64 cannot hold",
@@ -283,70 +334,318 @@ RegularField::RegularField(SampleArray samples, std::array<std::size_t, 3> shape
     }
     Extent extent = full_extent(shape_, options_.lattice);
     check_positions(options_, extent, semi_axes_world());
-    if (found != nullptr) {
-        check_shape(shape_, std::visit(size_of, found->coefficients));
-        take(std::move(*found));
-    } else if (options_.prefilter) {
-        const PollScope polling([&progress] { report_progress(progress, 0.0); });
-        take(prefiltered(samples_, shape_, options_));
-    }
-
     std::visit(
         [&](const auto& array) {
             using T = typename std::decay_t<decltype(array)>::value_type;
             const Survey all = survey(array.data(), array.size());
             kernels_ = count;
-            value_range_ = {all.smallest, all.largest};
+            given_range_ = {all.smallest, all.largest};
             if constexpr (std::is_floating_point_v<T>) {
                 if (!all.all_finite) {
-                    const Holes<T> holes(array, shape_, options_);
+                    Holes<T> holes(array, shape_, options_);
                     extent = holes.extent;
+                    extents_ = std::move(holes.rows);
                     kernels_ = holes.kernels;
-                    value_range_ = {holes.smallest, holes.largest};
+                    given_range_ = {holes.smallest, holes.largest};
                     has_holes_ = true;
                 }
             }
+            // (A BCC lattice of one layer counts as boundary zero.)
+            const bool edge =
+                options_.boundary == Boundary::edge && (options_.lattice == Lattice::cartesian || shape_[0] > 1);
+            const bool chosen = edge && options_.normalization != Normalization::none;
+            base_ = options_.base ? *options_.base : chosen ? base_of(array, kernels_, given_range_) : 0.0;
         },
-        samples_);
-    if (!prefilter_) {
-        given_range_ = value_range_;
-    }
-    if (options_.value_range) {
-        value_range_ = {std::min(value_range_[0], (*options_.value_range)[0]),
-                        std::max(value_range_[1], (*options_.value_range)[1])};
-    }
-    if (std::max(-value_range_[0], value_range_[1]) > largest_sample) {
-        throw InvalidInput(Complaint{"RegularField: the samples cannot be used",
-                                     "values from " + text_of(value_range_[0]) + " to " + text_of(value_range_[1]),
-                                     "magnitudes up to " + text_of(largest_sample) + ", so that their sums stay finite",
-                                     "scale the samples"});
-    }
+        samples);
+    options_.base = base_;
+    require_moderate(given_range_);
+    find_domain();
     if (kernels_ > 0) {
         for (int axis = 0; axis < 3; ++axis) {
             centres_world_.lower[axis] = along(options_, axis, extent.first[static_cast<std::size_t>(axis)]);
             centres_world_.upper[axis] = along(options_, axis, extent.last[static_cast<std::size_t>(axis)]);
         }
     }
+    if (has_holes_ && domain_world_ && normalization_ == Normalization::lattice) {
+        // No value may appear that lies between the data and nothing.
+        normalization_ = Normalization::threshold;
+        w0_ = least_weight_ = 0.5 * lattice_constant();
+    }
+    if (found != nullptr) {
+        check_shape(shape_, std::visit(size_of, found->coefficients));
+        given_ = std::make_shared<const SampleArray>(std::move(samples));
+        take(std::move(*found));
+    } else if (options_.prefilter) {
+        const PollScope polling([&progress] { report_progress(progress, 0.0); });
+        RegularFieldOptions resolved = options_;
+        resolved.boundary = domain_world_ ? Boundary::edge : Boundary::zero;
+        PrefilteredSamples made = prefiltered(samples, shape_, resolved);
+        given_ = std::make_shared<const SampleArray>(std::move(samples));
+        take(std::move(made));
+    } else {
+        value_range_ = {given_range_[0] - base_, given_range_[1] - base_};
+        samples_ = with_ends(std::move(samples));
+    }
+    find_rows();
+    if (kernels_ == 0) {
+        value_range_ = {0.0, 0.0};
+    }
+    if (options_.value_range) {
+        value_range_ = {std::min(value_range_[0], (*options_.value_range)[0]),
+                        std::max(value_range_[1], (*options_.value_range)[1])};
+    }
+    require_moderate(value_range_);
 }
 
 void RegularField::take(PrefilteredSamples&& found) {
-    given_ = std::exchange(samples_, std::move(found.coefficients));
-    given_range_ = std::visit(
+    value_range_ = std::visit(
         [](const auto& array) {
             const Survey all = survey(array.data(), array.size());
             return std::array<double, 2>{all.smallest, all.largest};
         },
-        given_);
+        found.coefficients);
+    samples_ = with_ends(std::move(found.coefficients));
     prefilter_ = found.figures;
     options_.prefilter = true;
     normalization_ = options_.normalization = Normalization::none;
 }
 
+void RegularField::find_domain() {
+    const bool bcc = options_.lattice == Lattice::bcc;
+    if (options_.boundary == Boundary::zero || (bcc && shape_[0] < 2) || kernels_ == 0) {
+        return;
+    }
+    // A mirrored sample m layers beyond the outermost one lies m - 1/2 layers beyond the domain.
+    const double layers = std::ceil(radius_in_layers(options_) + domain_in_layers) - 1.0;
+    if (!(layers < largest_mirrored)) {
+        throw InvalidInput(
+            Complaint{unusable(owner, "radius"),
+                      option_ref("radius", text_of(options_.radius)) + " with " + option_ref("boundary", "edge"),
+                      "a radius below " + text_of(largest_mirrored) + " samples",
+                      "pass " + option_ref("boundary", "zero") + ", or use the default radius, 2"});
+    }
+    const auto whole = static_cast<std::size_t>(layers);
+    // Of BCC, whole edges of two layers, so that even layers stay even.
+    mirrored_ = bcc ? std::array<std::size_t, 3>{2 * ((whole + 1) / 2), (whole + 2) / 2, (whole + 2) / 2}
+                    : std::array<std::size_t, 3>{whole, whole, whole};
+    const Extent all = full_extent(shape_, options_.lattice);
+    Box domain;
+    for (int axis = 0; axis < 3; ++axis) {
+        const double step = bcc ? 0.5 * options_.spacing.x : options_.spacing[axis];
+        domain.lower[axis] = along(options_, axis, 0) - domain_in_layers * step;
+        domain.upper[axis] = along(options_, axis, all.last[static_cast<std::size_t>(axis)]) + domain_in_layers * step;
+    }
+    domain_world_ = options_.domain.value_or(domain);
+}
+
+std::shared_ptr<const SampleArray> RegularField::with_ends(SampleArray&& samples) const {
+    const std::size_t ends = mirrored_[2];
+    if (ends == 0) {
+        return std::make_shared<const SampleArray>(std::move(samples));
+    }
+    const auto [nk, nj, ni] = shape_;
+    const bool bcc = options_.lattice == Lattice::bcc;
+    std::vector<std::vector<std::size_t>> of(2);
+    for (std::size_t odd = 0; odd < 2; ++odd) {
+        for (std::size_t i = 0; i < ni + 2 * ends; ++i) {
+            const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(i) - static_cast<std::ptrdiff_t>(ends);
+            of[odd].push_back(bcc ? mirrored_index_bcc(at, ni, odd) : mirrored_index(at, ni));
+        }
+    }
+    return std::visit(
+        [&, nk = nk, nj = nj, ni = ni](auto& array) {
+            using T = typename std::decay_t<decltype(array)>::value_type;
+            const std::string what = "a volume with mirrored samples at the ends of its rows";
+            const std::size_t row = ni + 2 * ends;
+            const std::uint64_t count = checked_product(checked_product(nk, nj, what), row, what);
+            require_memory(checked_product(count, sizeof(T), what), what,
+                           "pass " + option_ref("boundary", "zero") + ", or use a smaller volume");
+            // From the last row on, each row moves up: nothing is overwritten that is still to be read.
+            // (Without being asked for less, a vector that grows takes twice its size.)
+            array.reserve(count);
+            array.resize(count);
+            for (std::size_t r = nk * nj; r-- > 0;) {
+                const std::vector<std::size_t>& from = of[(r / nj) % 2];
+                T* to = array.data() + r * row;
+                std::memmove(to + ends, array.data() + r * ni, ni * sizeof(T));
+                for (std::size_t i = 0; i < ends; ++i) {
+                    to[i] = to[ends + from[i]];
+                    to[ends + ni + i] = to[ends + from[ends + ni + i]];
+                }
+            }
+            return std::make_shared<const SampleArray>(std::move(array));
+        },
+        samples);
+}
+
+void RegularField::find_rows() {
+    const std::size_t row = shape_[2] + 2 * mirrored_[2];
+    for (std::size_t k = 0; k < shape_[0]; ++k) {
+        layers_.push_back(k * shape_[1] * row + mirrored_[2]);
+    }
+    rows_.resize(1);
+    for (std::size_t j = 0; j < shape_[1]; ++j) {
+        rows_[0].push_back(j * row);
+    }
+}
+
+RegularField::RegularField(const RegularField& inner, Mirrored)
+    : samples_(inner.samples_), given_(inner.given_), options_(inner.options_), centres_world_(inner.centres_world_),
+      value_range_(inner.value_range_), given_range_(inner.given_range_), prefilter_(inner.prefilter_),
+      has_holes_(inner.has_holes_) {
+    kernel_ = inner.kernel_;
+    normalization_ = inner.normalization_;
+    w0_ = inner.w0_;
+    base_ = inner.base_;
+    least_weight_ = inner.least_weight_;
+    options_.boundary = Boundary::zero;
+    const bool bcc = options_.lattice == Lattice::bcc;
+    const auto& ends = inner.mirrored_;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        shape_[axis] = inner.shape_[axis] + 2 * ends[axis];
+        const double step =
+            bcc ? options_.spacing.x * (axis == 0 ? 0.5 : 1.0) : options_.spacing[static_cast<glm::length_t>(2 - axis)];
+        options_.origin[static_cast<glm::length_t>(2 - axis)] -= static_cast<double>(ends[axis]) * step;
+    }
+    const auto place = [](std::size_t n, std::size_t before) {
+        return static_cast<std::ptrdiff_t>(n) - static_cast<std::ptrdiff_t>(before);
+    };
+    for (std::size_t k = 0; k < shape_[0]; ++k) {
+        const std::size_t source = mirrored_index(place(k, ends[0]), inner.shape_[0]);
+        layers_.push_back(inner.layers_[source] - ends[2]);
+    }
+    rows_.resize(bcc ? 2 : 1);
+    for (std::size_t odd = 0; odd < rows_.size(); ++odd) {
+        for (std::size_t j = 0; j < shape_[1]; ++j) {
+            const std::ptrdiff_t at = place(j, ends[1]);
+            const std::size_t source =
+                bcc ? mirrored_index_bcc(at, inner.shape_[1], odd) : mirrored_index(at, inner.shape_[1]);
+            rows_[odd].push_back(inner.rows_[0][source]);
+        }
+    }
+    // Supports that do not reach into the domain are no kernels. Layers from the domain's first one on: distances to
+    // it, in layers, are 0 inside.
+    const double radius = options_.radius, squared = (bcc ? 2.0 : 1.0) * radius * radius;
+    const auto beyond = [&](std::size_t axis, std::size_t n, std::size_t odd) {
+        const bool halves = bcc && axis != 0;
+        const double at = static_cast<double>(place(n, ends[axis])) * (halves ? 2.0 : 1.0) +
+                          (halves ? static_cast<double>(odd) : 0.0);
+        const double last = static_cast<double>(inner.shape_[axis]) * (halves ? 2.0 : 1.0) - 1.0;
+        return std::max({0.0, -domain_in_layers - at, at - last - domain_in_layers});
+    };
+    extents_.resize(shape_[0] * shape_[1]);
+    kernels_ = 0;
+    std::visit(
+        [&](const auto& array) {
+            for (std::size_t k = 0; k < shape_[0]; ++k) {
+                const std::size_t odd = bcc ? k % 2 : 0;
+                const double z = beyond(0, k, 0);
+                for (std::size_t j = 0; j < shape_[1]; ++j) {
+                    const double y = beyond(1, j, odd);
+                    const auto reaches = [&](std::size_t i) {
+                        const double x = beyond(2, i, odd);
+                        return x * x + y * y + z * z < squared;
+                    };
+                    const auto* values = array.data() + row(j, k);
+                    const auto present = [&](std::size_t i) { return !has_holes_ || values[i] == values[i]; };
+                    std::size_t begin = 0, end = shape_[2];
+                    while (begin < end && !(reaches(begin) && present(begin))) {
+                        ++begin;
+                    }
+                    while (end > begin && !(reaches(end - 1) && present(end - 1))) {
+                        --end;
+                    }
+                    extents_[k * shape_[1] + j] = {static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end)};
+                    kernels_ += has_holes_ ? static_cast<std::size_t>(std::count_if(values + begin, values + end,
+                                                                                    [](auto v) { return v == v; }))
+                                           : end - begin;
+                }
+            }
+        },
+        *samples_);
+}
+
+RegularField::RegularField(const RegularField& inner, Endless)
+    : samples_(inner.samples_), shape_(inner.shape_), options_(inner.options_), centres_world_(inner.centres_world_),
+      mirrored_(inner.mirrored_), layers_(inner.layers_), rows_(inner.rows_), extents_(inner.extents_),
+      value_range_(inner.given_range_), given_range_(inner.given_range_), kernels_(inner.kernels_),
+      has_holes_(inner.has_holes_) {
+    kernel_ = inner.kernel_;
+    normalization_ = options_.normalization;
+    w0_ = options_.w0;
+    least_weight_ = options_.least_weight;
+    options_.boundary = Boundary::zero;
+    options_.base = 0.0;
+}
+
+std::shared_ptr<const RegularField> RegularField::without_end() const {
+    if (!prefilter_) {
+        return std::shared_ptr<const RegularField>(new RegularField(*this, Endless{}));
+    }
+    RegularFieldOptions options = options_;
+    options.boundary = Boundary::zero;
+    options.base = 0.0;
+    options.normalization = Normalization::lattice;
+    options.value_range.reset();
+    SampleArray samples = *given_;
+    return std::make_shared<const RegularField>(std::move(samples), shape_, options);
+}
+
+std::array<double, 2> RegularField::range_near_ends(std::size_t samples) const {
+    const auto [nk, nj, ni] = shape_;
+    const auto inner = [samples](std::size_t n, std::size_t count) { return n >= samples && n + samples < count; };
+    const std::size_t left = std::min(samples, ni), right = std::max(left, ni - left);
+    return std::visit(
+        [&, nk = nk, nj = nj, ni = ni](const auto& array) {
+            using T = typename std::decay_t<decltype(array)>::value_type;
+            T low = std::numeric_limits<T>::max(), high = std::numeric_limits<T>::lowest();
+            const auto look = [&](const T* from, const T* end) {
+                // (A NaN is not beyond anything.)
+                for (; from != end; ++from) {
+                    low = *from < low ? *from : low;
+                    high = *from > high ? *from : high;
+                }
+            };
+            for (std::size_t k = 0; k < nk; ++k) {
+                for (std::size_t j = 0; j < nj; ++j) {
+                    const T* values = array.data() + row(j, k);
+                    if (inner(k, nk) && inner(j, nj)) {
+                        look(values, values + left);
+                        look(values + right, values + ni);
+                    } else {
+                        look(values, values + ni);
+                    }
+                }
+                poll();
+            }
+            return low > high ? std::array<double, 2>{0.0, 0.0}
+                              : std::array<double, 2>{static_cast<double>(low) - counted_from(),
+                                                      static_cast<double>(high) - counted_from()};
+        },
+        *samples_);
+}
+
+std::shared_ptr<const RegularField> RegularField::with_mirrored() const {
+    if (!domain_world_) {
+        return nullptr;
+    }
+    const std::string what = "the rows of a volume with mirrored samples";
+    const auto rows = checked_product(shape_[0] + 2 * mirrored_[0], shape_[1] + 2 * mirrored_[1], what);
+    require_memory(checked_product(rows, sizeof(SampleRange), what), what,
+                   "pass " + option_ref("boundary", "zero") + ", or use a smaller volume");
+    return std::shared_ptr<const RegularField>(new RegularField(*this, Mirrored{}));
+}
+
 Box RegularField::supports_world() const {
-    Box box = centres_world_;
-    if (!box.empty()) {
-        box.lower -= semi_axes_world();
-        box.upper += semi_axes_world();
+    Box box;
+    if (kernels_ > 0) {
+        for (int axis = 0; axis < 3; ++axis) {
+            Vec3 direction(0.0);
+            direction[axis] = 1.0;
+            const std::array<double, 2> reach = reach_along(Vec3(0.0), direction);
+            box.lower[axis] = reach[0];
+            box.upper[axis] = reach[1];
+        }
     }
     return box;
 }
@@ -360,7 +659,22 @@ std::size_t RegularField::memory() const {
     const auto bytes = [](const auto& array) {
         return array.capacity() * sizeof(typename std::decay_t<decltype(array)>::value_type);
     };
-    return sizeof(*this) + std::visit(bytes, samples_) + std::visit(bytes, given_);
+    return sizeof(*this) + std::visit(bytes, *samples_) + (given_ ? std::visit(bytes, *given_) : 0) +
+           (layers_.capacity() + rows_[0].capacity()) * sizeof(std::size_t) + extents_.capacity() * sizeof(SampleRange);
+}
+
+std::int64_t RegularField::sample_of(std::int64_t number) const {
+    if (number < 0 || mirrored_[2] == 0) {
+        return number;
+    }
+    const std::size_t length = shape_[2] + 2 * mirrored_[2];
+    const auto at = static_cast<std::size_t>(number);
+    const std::size_t row = at / length;
+    const auto i = static_cast<std::ptrdiff_t>(at % length) - static_cast<std::ptrdiff_t>(mirrored_[2]);
+    const std::size_t source = options_.lattice == Lattice::bcc
+                                   ? mirrored_index_bcc(i, shape_[2], (row / shape_[1]) % 2)
+                                   : mirrored_index(i, shape_[2]);
+    return static_cast<std::int64_t>(row * shape_[2] + source);
 }
 
 Vec3 RegularField::position(std::size_t i, std::size_t j, std::size_t k) const {
@@ -369,8 +683,8 @@ Vec3 RegularField::position(std::size_t i, std::size_t j, std::size_t k) const {
 }
 
 double RegularField::value(std::size_t i, std::size_t j, std::size_t k) const {
-    const std::size_t n = (k * shape_[1] + j) * shape_[2] + i;
-    return std::visit([n](const auto& array) { return static_cast<double>(array[n]); }, samples_);
+    const std::size_t n = row(j, k) + i;
+    return std::visit([n](const auto& array) { return static_cast<double>(array[n]); }, *samples_) - counted_from();
 }
 
 Vec3 RegularField::semi_axes_world() const {
@@ -387,18 +701,38 @@ double RegularField::lattice_constant() const {
     return kernel_.unit_mass() * (options_.lattice == Lattice::bcc ? cube / std::sqrt(2.0) : cube);
 }
 
-/// The box of the centres bounds it: a tighter bound would only save empty slices.
 std::array<double, 2> RegularField::reach_along(const Vec3& from, const Vec3& direction) const {
     std::array<double, 2> range{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
+    const auto add = [&](std::size_t i, std::size_t j, std::size_t k) {
+        const double at = glm::dot(position(i, j, k) - from, direction);
+        range = {std::min(range[0], at), std::max(range[1], at)};
+    };
     if (kernels_ == 0) {
         return range;
     }
-    const Box& box = centres_world_;
-    for (int corner = 0; corner < 8; ++corner) {
-        const Vec3 point((corner & 1) != 0 ? box.upper.x : box.lower.x, (corner & 2) != 0 ? box.upper.y : box.lower.y,
-                         (corner & 4) != 0 ? box.upper.z : box.lower.z);
-        const double at = glm::dot(point - from, direction);
-        range = {std::min(range[0], at), std::max(range[1], at)};
+    const auto [nk, nj, ni] = shape_;
+    if (extents_.empty()) {
+        // Of each cubic lattice that it consists of, the corners.
+        const bool bcc = options_.lattice == Lattice::bcc;
+        for (std::size_t odd = 0; odd < std::min<std::size_t>(bcc ? 2 : 1, nk); ++odd) {
+            const std::size_t last = bcc ? nk - 1 - (nk - 1 - odd) % 2 : nk - 1;
+            for (const std::size_t k : {odd, last}) {
+                for (const std::size_t j : {std::size_t{0}, nj - 1}) {
+                    add(0, j, k);
+                    add(ni - 1, j, k);
+                }
+            }
+        }
+    } else {
+        for (std::size_t k = 0; k < nk; ++k) {
+            for (std::size_t j = 0; j < nj; ++j) {
+                const SampleRange& kernels = extents_[k * nj + j];
+                if (kernels.begin < kernels.end) {
+                    add(kernels.begin, j, k);
+                    add(kernels.end - 1, j, k);
+                }
+            }
+        }
     }
     const double reach = glm::length(semi_axes_world() * direction);
     return {range[0] - reach, range[1] + reach};

@@ -10,8 +10,9 @@
 namespace sheetsplat {
 namespace {
 
-double distance(float a, float b) {
-    if (a == b || (std::isnan(a) && std::isnan(b))) {
+double distance(float a, float b, Gaps gaps) {
+    const bool either = std::isnan(a) || std::isnan(b), both = std::isnan(a) && std::isnan(b);
+    if (a == b || both || (either && gaps == Gaps::left_out)) {
         return 0.0;
     }
     const double difference = std::abs(static_cast<double>(a) - static_cast<double>(b));
@@ -23,7 +24,7 @@ double scale_of(const std::vector<float>& reference) {
     double scale = 1.0;
     for (const float value : reference) {
         if (std::isfinite(value)) {
-            scale = std::max(scale, static_cast<double>(value));
+            scale = std::max(scale, std::abs(static_cast<double>(value)));
         }
     }
     return scale;
@@ -31,7 +32,7 @@ double scale_of(const std::vector<float>& reference) {
 
 } // namespace
 
-Difference compare(const std::vector<float>& picture, const std::vector<float>& reference, int channels) {
+Difference compare(const std::vector<float>& picture, const std::vector<float>& reference, int channels, Gaps gaps) {
     if (channels != 1 && channels != 4) {
         throw InvalidInput(Complaint{"compare: the pictures cannot be compared", std::to_string(channels) + " channels",
                                      "4 (colour) or 1 (scalar)", ""});
@@ -58,7 +59,7 @@ Difference compare(const std::vector<float>& picture, const std::vector<float>& 
     double squares = 0.0;
     for (std::size_t p = 0; p < pixels; ++p) {
         for (std::size_t c = 0; c < per_pixel; ++c) {
-            const double d = distance(picture[p * per_pixel + c], reference[p * per_pixel + c]) / scale;
+            const double d = distance(picture[p * per_pixel + c], reference[p * per_pixel + c], gaps) / scale;
             squares += d * d;
             largest[p] = std::max(largest[p], d);
         }

@@ -234,8 +234,11 @@ std::vector<std::uint8_t> visible_kernels(const EllipsoidField& field, const Spa
         classified && !visibility.isosurface && !visibility.transfer_function->transparent_over(0.0, 0.0);
     const bool threshold = field.normalization() == Normalization::threshold;
     const bool weights_matter = visibility.weights_matter || threshold;
+    // A place that only such kernels reach is not empty: where that decides, they are drawn as others are, beside what
+    // is visible.
+    const bool reach_matters = at_zero || visibility.reach_matters;
     const auto adds_nothing = [&](std::size_t kernel) {
-        return !at_zero && (field.weight(kernel) == 0.0 || (field.value(kernel) == 0.0 && !weights_matter));
+        return !reach_matters && (field.weight(kernel) == 0.0 || (field.value(kernel) == 0.0 && !weights_matter));
     };
     if (!classified || !visibility.alone || at_zero) {
         for (std::size_t kernel = 0; kernel < n; ++kernel) {

@@ -1,10 +1,10 @@
 // Which samples are drawn.
 //
-// At a point, kernels that reach it with values from lo to hi give a rho in [s min(0, lo), s max(0, hi)], s being the
-// largest weight that one value can get. The 0 belongs to this range inside the lattice too: between a region whose
-// kernels are drawn and one whose kernels are dropped the drawn ones alone make the picture, and their sum runs from
-// the full value to 0 through everything between. A region above an opaque band is thus never dropped beside one in the
-// band.
+// Values are counted from the field's base. At a point, kernels that reach it with values from lo to hi give a rho in
+// [s min(0, lo), s max(0, hi)], s being the largest weight that one value can get. The 0 belongs to this range inside
+// the lattice too: between a region whose kernels are drawn and one whose kernels are dropped the drawn ones alone make
+// the picture, and their sum runs from the full value to 0 through everything between. A region above an opaque band is
+// thus never dropped beside one in the band.
 //
 // So a point can be visible only where a sample that reaches it is, times s, at or beyond the first opaque value on its
 // side of 0. Such samples are the seeds; every sample that shares a visible point (or a stencil of one) with a seed is
@@ -27,60 +27,61 @@ namespace sheetsplat {
 
 namespace {
 
-/// The most that rho can be for kernels of value 1, whichever of them are drawn.
-double largest_weight(const RegularField& field, double filter_gain) {
-    const double normalised =
-        filter_gain > 0.0 ? filter_gain * largest_filtered_sum(field) : lattice_ripple(field).upper;
-    switch (field.normalization()) {
-    case Normalization::none:
-        return normalised * field.lattice_constant();
-    case Normalization::lattice:
-        return normalised;
-    case Normalization::threshold:
-        break;
-    }
-    // Above 0 however large w0 is, since it is divided by.
-    return std::clamp(normalised * field.lattice_constant() / field.w0(), std::numeric_limits<double>::min(), 1.0);
+/// Of numbers of two sizes, what rounding of their sum or difference comes to at most.
+double rounding_of(double a, double b) {
+    return 4.0 * std::numeric_limits<double>::epsilon() * (std::abs(a) + std::abs(b));
 }
 
-/// The least value of type T that is at least `bound` and more than 0; none where there is no such value.
+/// The least number of type T that lies at least `bound` above the base, and above it at all; none where there is none.
 template <typename T>
-std::optional<T> least_from(double bound) {
+std::optional<T> least_from(double bound, double base) {
     // Rounding of the bound must not lose a value that meets it.
-    bound *= 1.0 - 1e-12;
-    if (!(bound <= static_cast<double>(std::numeric_limits<T>::max()))) {
+    const double wanted = base + bound * (1.0 - 1e-12) - (base == 0.0 ? 0.0 : rounding_of(base, bound));
+    if (!(wanted <= static_cast<double>(std::numeric_limits<T>::max()))) {
         return std::nullopt;
     }
     if constexpr (std::is_integral_v<T>) {
-        return static_cast<T>(std::max(1.0, std::ceil(bound)));
+        const double least =
+            std::max({std::ceil(wanted), std::floor(base) + 1.0, static_cast<double>(std::numeric_limits<T>::min())});
+        return least <= static_cast<double>(std::numeric_limits<T>::max()) ? std::optional<T>(static_cast<T>(least))
+                                                                           : std::nullopt;
     } else {
-        T value = static_cast<T>(bound);
-        if (static_cast<double>(value) > bound) {
-            value = std::nextafter(value, T{0});
+        const double lowest = static_cast<double>(std::numeric_limits<T>::lowest());
+        T value = static_cast<T>(std::max(wanted, lowest));
+        if (static_cast<double>(value) > wanted) {
+            value = std::nextafter(value, std::numeric_limits<T>::lowest());
         }
-        return std::max(value, std::numeric_limits<T>::denorm_min());
+        T above = static_cast<T>(std::clamp(base, lowest, -lowest));
+        if (!(static_cast<double>(above) > base)) {
+            above = std::nextafter(above, std::numeric_limits<T>::max());
+        }
+        return std::max(value, above);
     }
 }
 
-/// The greatest value of type T that is at most `bound` and less than 0; none where there is no such value.
+/// The greatest number of type T that lies at least `bound` below the base, and below it at all.
 template <typename T>
-std::optional<T> greatest_to(double bound) {
-    if constexpr (std::is_unsigned_v<T>) {
+std::optional<T> greatest_to(double bound, double base) {
+    const double wanted = base - bound * (1.0 - 1e-12) + (base == 0.0 ? 0.0 : rounding_of(base, bound));
+    if (!(wanted >= static_cast<double>(std::numeric_limits<T>::lowest()))) {
         return std::nullopt;
+    }
+    if constexpr (std::is_integral_v<T>) {
+        const double most =
+            std::min({std::floor(wanted), std::ceil(base) - 1.0, static_cast<double>(std::numeric_limits<T>::max())});
+        return most >= static_cast<double>(std::numeric_limits<T>::lowest()) ? std::optional<T>(static_cast<T>(most))
+                                                                             : std::nullopt;
     } else {
-        bound *= 1.0 - 1e-12;
-        if (!(bound >= static_cast<double>(std::numeric_limits<T>::lowest()))) {
-            return std::nullopt;
+        const double highest = static_cast<double>(std::numeric_limits<T>::max());
+        T value = static_cast<T>(std::min(wanted, highest));
+        if (static_cast<double>(value) < wanted) {
+            value = std::nextafter(value, std::numeric_limits<T>::max());
         }
-        if constexpr (std::is_integral_v<T>) {
-            return static_cast<T>(std::min(-1.0, std::floor(bound)));
-        } else {
-            T value = static_cast<T>(bound);
-            if (static_cast<double>(value) < bound) {
-                value = std::nextafter(value, T{0});
-            }
-            return std::min(value, -std::numeric_limits<T>::denorm_min());
+        T below = static_cast<T>(std::clamp(base, -highest, highest));
+        if (!(static_cast<double>(below) < base)) {
+            below = std::nextafter(below, std::numeric_limits<T>::lowest());
         }
+        return std::min(value, below);
     }
 }
 
@@ -89,9 +90,9 @@ template <typename T>
 struct SeedTest {
     std::optional<T> up, down;
 
-    /// True where every value other than 0 in [lower, upper] is a seed.
-    [[nodiscard]] bool takes_all(double lower, double upper) const {
-        return (upper <= 0.0 || up == least_from<T>(0.0)) && (lower >= 0.0 || down == greatest_to<T>(0.0));
+    /// True where every value other than the base in the range [lower, upper], counted from it, is a seed.
+    [[nodiscard]] bool takes_all(double lower, double upper, double base) const {
+        return (upper <= 0.0 || up == least_from<T>(0.0, base)) && (lower >= 0.0 || down == greatest_to<T>(0.0, base));
     }
     void mark(const T* values, std::size_t n, BitWord* row) const {
         if (up && down) {
@@ -105,12 +106,12 @@ struct SeedTest {
     }
 };
 
-/// Marks the samples that may be drawn at all: no NaN, and 0 only where it is asked for.
+/// Marks the samples that may be drawn at all: no NaN, and the base's value only where it is asked for.
 template <typename T>
-void mark_kernels(const T* values, std::size_t n, bool zeros, BitWord* row) {
-    if (!zeros) {
+void mark_kernels(const T* values, std::size_t n, bool zeros, double base, BitWord* row) {
+    if (!zeros && static_cast<double>(static_cast<T>(base)) == base) {
         // Both comparisons are false for NaN, which is left out.
-        pack_row(values, n, row, [](T v) { return (v < T{0}) | (v > T{0}); });
+        pack_row(values, n, row, [from = static_cast<T>(base)](T v) { return (v < from) | (v > from); });
     } else if constexpr (std::is_integral_v<T>) {
         std::fill(row, row + words_for(n), BitWord{0});
         set_bits(row, 0, n);
@@ -121,15 +122,15 @@ void mark_kernels(const T* values, std::size_t n, bool zeros, BitWord* row) {
 
 /// A bit for each block of samples: set where the block holds a seed.
 template <typename T>
-BitRows seeds_in_blocks(const T* values, const std::array<std::size_t, 3>& shape, const SeedTest<T>& test,
+BitRows seeds_in_blocks(const T* values, const RegularField& field, const SeedTest<T>& test,
                         const Neighbourhood& neighbourhood) {
-    const auto [nk, nj, ni] = shape;
+    const auto [nk, nj, ni] = field.shape();
     const auto [block_k, block_j, block_i] = neighbourhood.block();
     BitRows seeds(neighbourhood.blocks());
     std::vector<BitWord> scratch(words_for(ni), 0);
     for (std::size_t k = 0; k < nk; ++k) {
         for (std::size_t j = 0; j < nj; ++j) {
-            test.mark(values + (k * nj + j) * ni, ni, scratch.data());
+            test.mark(values + field.row(j, k), ni, scratch.data());
             BitWord* row = seeds.row(j / block_j, k / block_k);
             if (block_i == 1) {
                 for (std::size_t w = 0; w < scratch.size(); ++w) {
@@ -161,7 +162,36 @@ void keep_blocks(const BitWord* blocks, std::size_t block_words, std::size_t blo
     }
 }
 
+/// Clears the bits of a row outside of a range.
+void keep_bits(BitWord* row, std::size_t n, const SampleRange& kept) {
+    if (kept.begin == 0 && kept.end >= n) {
+        return;
+    }
+    for (std::size_t w = 0; w < words_for(n); ++w) {
+        const std::size_t base = w * word_bits;
+        const auto below = [base](std::size_t bit) {
+            return bit <= base ? BitWord{0} : bit >= base + word_bits ? ~BitWord{0} : (BitWord{1} << (bit - base)) - 1;
+        };
+        row[w] &= below(kept.end) & ~below(kept.begin);
+    }
+}
+
 } // namespace
+
+double largest_weight(const RegularField& field, double filter_gain) {
+    const double normalised =
+        filter_gain > 0.0 ? filter_gain * largest_filtered_sum(field) : lattice_ripple(field).upper;
+    switch (field.normalization()) {
+    case Normalization::none:
+        return normalised * field.lattice_constant();
+    case Normalization::lattice:
+        return normalised;
+    case Normalization::threshold:
+        break;
+    }
+    // Above 0 however large w0 is, since it is divided by.
+    return std::clamp(normalised * field.lattice_constant() / field.w0(), std::numeric_limits<double>::min(), 1.0);
+}
 
 VisibleRuns VisibleRuns::of(const RegularField& field, const VisibilityQuery& query) {
     check_reach(query);
@@ -188,8 +218,8 @@ VisibleRuns VisibleRuns::of(const RegularField& field, const VisibilityQuery& qu
     }
     // A point where kernels sum to 0 is visible, unlike an empty one.
     const bool at_zero = classified && !query.isosurface && query.transfer_function->at(0.0).opacity > 0.0;
-    const bool zeros =
-        !query.cull || query.weights_matter || at_zero || field.normalization() == Normalization::threshold;
+    const bool zeros = !query.cull || query.weights_matter || query.reach_matters || at_zero ||
+                       field.normalization() == Normalization::threshold;
     const bool every_kernel = !query.cull || !classified || !query.alone || at_zero;
 
     VisibleRuns result;
@@ -202,12 +232,13 @@ VisibleRuns VisibleRuns::of(const RegularField& field, const VisibilityQuery& qu
             std::optional<BitRows> reached;
             if (!every_kernel) {
                 const double weight = largest_weight(field, query.filter_gain);
-                const SeedTest<T> test{least_from<T>(from.above / weight), greatest_to<T>(-from.below / weight)};
+                const double base = field.counted_from();
+                const SeedTest<T> test{least_from<T>(from.above / weight, base),
+                                       greatest_to<T>(from.below / weight, base)};
                 const auto [least, greatest] = field.value_range();
-                if (zeros || !test.takes_all(least, greatest)) {
+                if (zeros || !test.takes_all(least, greatest, base)) {
                     neighbourhood.emplace(field, query.reach_world);
-                    reached =
-                        neighbourhood->spread(seeds_in_blocks(samples.data(), field.shape(), test, *neighbourhood));
+                    reached = neighbourhood->spread(seeds_in_blocks(samples.data(), field, test, *neighbourhood));
                 }
             }
             std::vector<BitWord> row(words_for(ni));
@@ -215,8 +246,8 @@ VisibleRuns VisibleRuns::of(const RegularField& field, const VisibilityQuery& qu
             const auto visit_runs = [&](auto&& visit) {
                 for (std::size_t k = 0; k < nk; ++k) {
                     for (std::size_t j = 0; j < nj; ++j) {
-                        const T* values = samples.data() + (k * nj + j) * ni;
-                        mark_kernels(values, ni, zeros, row.data());
+                        mark_kernels(samples.data() + field.row(j, k), ni, zeros, field.counted_from(), row.data());
+                        keep_bits(row.data(), ni, field.kernels_of_row(j, k));
                         if (reached) {
                             const auto& block = neighbourhood->block();
                             keep_blocks(reached->row(j / block[1], k / block[0]), reached->words(), block[2], scratch,

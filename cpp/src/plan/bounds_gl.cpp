@@ -37,11 +37,9 @@ void check_crowds(const ViewFacts& view, const DrawPlan& plan, bool lit_quotient
                (plan.fine_gradient ? fine_alike_factor : 1.0);
     }
     most = std::max(most, least_alike);
-    const Words advice = "make one kernel of them, " +
-                         std::string(lit_quotient ? "of their weights' sum and the mean of their values, leave out the "
-                                                    "lights, "
-                                                  : "") +
-                         "use " + option_ref("backend", "reference");
+    const std::string advice =
+        std::string("make one kernel of them") +
+        (lit_quotient ? ", of their weights' sum and the mean of their values, or leave out the lights" : "");
     if (view.overlap.alike > most) {
         refuse_sheets("about " + number(view.overlap.alike) + " ellipsoids of one size at one place",
                       "at most " + number(std::floor(most)) + (lit_quotient ? " where they are lit" : ""), advice);
@@ -49,8 +47,7 @@ void check_crowds(const ViewFacts& view, const DrawPlan& plan, bool lit_quotient
     if (lit_quotient && view.overlap.densest * times > densest_lit) {
         refuse_sheets("about " + number(view.overlap.densest) + " ellipsoids at a point",
                       "at most " + number(densest_lit / times) + " where they are lit",
-                      "use fewer or smaller ellipsoids, leave out the lights, use " +
-                          option_ref("backend", "reference"));
+                      "use fewer or smaller ellipsoids, or leave out the lights");
     }
 }
 
@@ -151,8 +148,7 @@ void check_plateaus(const Scene& scene, const ViewFacts& view, const DrawPlan& p
                           " under a transfer function of a width of " + number(facts.resolved) +
                           ": where they hardly change, as where many are equal, their rounding would be lit",
                       "a width of at least " + number(width),
-                      "use a wider transfer function or " + option_ref("clim") + ", leave out the lights, or use " +
-                          option_ref("backend", "cpu"),
+                      "use a wider transfer function or " + option_ref("clim") + ", or leave out the lights",
                       "transfer_function");
     }
 }
@@ -181,12 +177,10 @@ void check_quotients(const ViewFacts& view, const DrawPlan& plan, const SumFacts
     }
     const Words way_out =
         (plan.analytic_gradient
-             ? "leave out " + option_ref("gradient", "analytic") + ", use a larger " + option_ref("w0")
-             : "use a larger " + option_ref("w0") + " or " + option_ref("gradient", "analytic")) +
-        Words(", use " + option_ref("backend", "cpu"));
+             ? "leave out " + option_ref("gradient", "analytic") + ", or use a larger " + option_ref("w0")
+             : "use a larger " + option_ref("w0") + " or " + option_ref("gradient", "analytic"));
     if (plan.analytic_gradient) {
-        const Words calmer =
-            "leave out " + option_ref("gradient", "analytic") + ", or use " + option_ref("backend", "cpu");
+        const Words calmer = "leave out " + option_ref("gradient", "analytic");
         const double noise = noise_of_derivatives(view, facts, ratio);
         if (noise > largest_noise_of_derivatives) {
             refuse_sheets("lit derivatives of quotients where values of " + number(ratio) +
@@ -214,8 +208,7 @@ void check_quotients(const ViewFacts& view, const DrawPlan& plan, const SumFacts
                           " pixels or semi-axes",
                       "at most " + number(std::floor(most_magnified)) + " with about " + number(view.overlap.densest) +
                           " ellipsoids at a point",
-                      "use " + option_ref("gradient", "analytic") + ", a smaller " + option_ref("reference_length") +
-                          " or " + option_ref("backend", "cpu"));
+                      "use " + option_ref("gradient", "analytic") + " or a smaller " + option_ref("reference_length"));
     }
 }
 
@@ -330,7 +323,7 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
     if (plan.precision == Precision::float32 && !capabilities.float32_blend) {
         throw Unsupported(Complaint{"the picture cannot be made with float32 sheets",
                                     capabilities.renderer + ", which cannot blend 32-bit floats", "a device that can",
-                                    "use " + option_ref("backend", "cpu"), "backend"});
+                                    "", "backend"});
     }
     const double noise = ends ? 1.0 : sum_noise(plan.precision, !capabilities.float16_blend_rounds, crowd);
     expect_errors(view, facts, noise, plan);
@@ -362,8 +355,8 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                       lost ? "a w0 and weights below " + number(least_divisor)
                            : "sums of weights, or of weighted values over what is resolved, of up to " + number(sum),
                       lost ? "a w0 or weights of at least that" : "at most " + number(largest_sum),
-                      "scale the weights and " + option_ref("w0") + " by one factor, use " +
-                          option_ref("backend", "reference") + ", or pass " + option_ref("allow_inexact", "true")});
+                      "scale the weights and " + option_ref("w0") + " by one factor, or pass " +
+                          option_ref("allow_inexact", "true")});
     }
     const double lit_ratio = counts_from_pivots(plan) ? half_range : ratio;
     // Errors of single slices partly cancel along a ray; what a steep ramp adds, it adds at few pixels.
@@ -377,8 +370,7 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                       "values of at most " + number(too_far ? std::min(largest_lit_ratio, most_times) : most_times) +
                           " times that",
                       "use a wider transfer function or " + option_ref("clim") +
-                          ", subtract an offset from values that are all far from 0, use " +
-                          option_ref("backend", "cpu"));
+                          ", or subtract an offset from values that are all far from 0");
     }
     if (plan.gradient_opacity) {
         const double nearest = view.frame.smallest_step();
@@ -392,25 +384,24 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
         if (*scene.gradient_opacity * view.frame.reference_length < least * unit) {
             refuse_sheets(option_ref("gradient_opacity", number(*scene.gradient_opacity)) +
                               ", near which gradients are lost to rounding",
-                          "at least " + number(least * unit / view.frame.reference_length),
-                          "use a larger one, use " + option_ref("backend", "reference"), "gradient_opacity");
+                          "at least " + number(least * unit / view.frame.reference_length), "use a larger one",
+                          "gradient_opacity");
         }
     }
     if (is_near_the_end(plan, facts) ||
         (plan.mode == Mode::isosurface && half_range * resolved > farthest_from_end(plan) * nearest_end)) {
         const double reach = std::max(largest, half_range * resolved);
-        refuse_sheets(
-            "an iso value that is " + number(nearest_end) + " from the end of values of up to " + number(reach),
-            "at least " + number(reach / farthest_from_end(plan)),
-            (plan.analytic_gradient ? "leave out " + option_ref("gradient", "analytic") + ", or use " : Words("use ")) +
-                option_ref("backend", "cpu"));
+        refuse_sheets("an iso value that is " + number(nearest_end) + " from the end of values of up to " +
+                          number(reach),
+                      "at least " + number(reach / farthest_from_end(plan)),
+                      plan.analytic_gradient ? "leave out " + option_ref("gradient", "analytic") : Words());
     }
     if (lights_rounding(scene, plan)) {
         refuse_sheets(
             "quotients of sums that are lit under a transfer function of one value: no gradient is too weak to "
             "be lit, not even one of rounding",
-            "a transfer function over a range of values",
-            "move its points apart, leave out the lights, or use " + option_ref("backend", "cpu"), "transfer_function");
+            "a transfer function over a range of values", "move its points apart, or leave out the lights",
+            "transfer_function");
     }
     if (lit_quotient) {
         check_plateaus(scene, view, plan, facts, lit_ratio);
@@ -424,16 +415,15 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
         refuse_sheets("slabs of " + number(view.frame.slice_spacing) +
                           ", in which float32 loses the place of ellipsoids that are so much thinner",
                       "slabs of at most " + number(thick_slab) + " times the half-depth of ellipsoids that show",
-                      "use a smaller " + option_ref("slice_spacing") + ", " + option_ref("filter", "ewa") + " or " +
-                          option_ref("backend", "reference"));
+                      "use a smaller " + option_ref("slice_spacing") + " or " + option_ref("filter", "ewa"));
     }
     if (plan.sampling == Sampling::slab && is_scalar(plan.mode) && !plan.filter &&
         std::min(view.frame.largest_slant, view.slabs.thickest) > longest_in_slab) {
         refuse_sheets("rays that go through a slab on up to " +
                           number(std::min(view.frame.largest_slant, view.slabs.thickest)) + " times its thickness",
                       "at most " + number(longest_in_slab) + " times",
-                      "use a smaller " + option_ref("fov_y") + " or a narrower picture, leave out " +
-                          option_ref("sampling", "slab") + " or use " + option_ref("backend", "cpu"),
+                      "use a smaller " + option_ref("fov_y") + " or a narrower picture, or leave out " +
+                          option_ref("sampling", "slab"),
                       "fov_y");
     }
     const double most_in_slabs = limit_of(widest_weights_in_slabs, view, facts);
@@ -441,68 +431,68 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
         refuse_sheets("means over slabs with weights of up to " + number(weight_range) + " times w0, " + number(crowd) +
                           " of them at a point",
                       "at most " + number(most_in_slabs / (std::max(1.0, ratio) * crowd)) + " times",
-                      "use a larger " + option_ref("w0") + ", leave out " + option_ref("sampling", "slab") +
-                          " or use " + option_ref("backend", "cpu"));
+                      "use a larger " + option_ref("w0") + ", or leave out " + option_ref("sampling", "slab"));
     }
 }
 
 void check_parts(const Scene& scene) {
     const std::size_t groups = groups_drawn(scene).size();
+    if (scene.counted && !scene.counted->ends.empty()) {
+        refuse_scene("volumes with transfer functions of their own that end in different places",
+                     "volumes with one boundary",
+                     "pass " + option_ref("boundary", "zero") + ", or use " + option_ref("backend", "cpu"));
+    }
     if (groups > most_groups) {
         refuse_scene(std::to_string(groups) + " transfer functions", "at most " + std::to_string(most_groups),
-                     "give more fields one transfer function, or use " + option_ref("backend", "cpu"));
+                     "give more fields one transfer function");
     }
     const std::size_t surfaces = scene.mode == Mode::isosurface ? groups * scene.iso_values.size() : 0;
     if (surfaces > most_surfaces) {
         refuse_scene(std::to_string(surfaces) + " surfaces: iso values times transfer functions",
-                     "at most " + std::to_string(most_surfaces),
-                     "use fewer iso values, or " + option_ref("backend", "cpu"));
+                     "at most " + std::to_string(most_surfaces), "use fewer iso values");
     }
 }
 
 void check_lights(const Scene& scene, const Capabilities& capabilities, const DrawPlan& plan) {
     if (scene.lights.size() > most_lights) {
         refuse_scene(std::to_string(scene.lights.size()) + " lights", "at most " + std::to_string(most_lights),
-                     "use fewer lights, or " + option_ref("backend", "reference"));
+                     "use fewer lights");
     }
     if (plan.shadows && scene.lights.size() > most_shadowing_lights) {
         refuse_scene(std::to_string(scene.lights.size()) + " lights with shadows",
                      "at most " + std::to_string(most_shadowing_lights),
-                     "use fewer lights, leave out " + option_ref("shadows") + ", or use " +
-                         option_ref("backend", "reference"));
+                     "use fewer lights, or leave out " + option_ref("shadows"));
     }
     if ((plan.shadows || plan.ambient_occlusion) && capabilities.max_buffer_texels < most_light_elements_of_all) {
-        refuse_scene("shadows or ambient occlusion on a device whose buffer textures hold " +
-                         std::to_string(capabilities.max_buffer_texels) + " texels",
-                     "at least " + std::to_string(most_light_elements_of_all) +
-                         ", for the opacity along rays to lights",
-                     "use " + option_ref("backend", "cpu"));
+        refuse_scene(
+            "shadows or ambient occlusion on a device whose buffer textures hold " +
+                std::to_string(capabilities.max_buffer_texels) + " texels",
+            "at least " + std::to_string(most_light_elements_of_all) + ", for the opacity along rays to lights", "");
     }
 }
 
 void check_kernels(const Scene& scene, const ViewFacts& view, const Capabilities& capabilities, const DrawPlan& plan) {
     const bool float64 = capabilities.at_least(4, 0);
     if (!float64 && view.shapes.largest_aspect > largest_plain_aspect) {
-        throw Unsupported(Complaint{
-            "the scene cannot be drawn within its error bound",
-            "ellipsoids of 1:" + number(view.shapes.largest_aspect) + " on OpenGL " + capabilities.version,
-            "OpenGL 4.0 for places in float64, or at most 1:" + number(largest_plain_aspect),
-            "pass " + option_ref("min_scale", "...") + " to the field, or use " + option_ref("backend", "reference")});
+        throw Unsupported(
+            Complaint{"the scene cannot be drawn within its error bound",
+                      "ellipsoids of 1:" + number(view.shapes.largest_aspect) + " on OpenGL " + capabilities.version,
+                      "OpenGL 4.0 for places in float64, or at most 1:" + number(largest_plain_aspect),
+                      "pass " + option_ref("min_scale", "...") + " to the field"});
     }
     if (!plan.filter && !float64 && view.screen_px.smallest_ellipsoid < smallest_plain_px) {
         throw Unsupported(Complaint{
             "the scene cannot be drawn within its error bound",
             "ellipsoids of " + number(view.screen_px.smallest_ellipsoid) + " pixels on OpenGL " + capabilities.version,
             "OpenGL 4.0 for places in float64, or at least " + number(smallest_plain_px),
-            "pass " + option_ref("min_scale", "...") + " to the field, use " + option_ref("filter", "ewa") +
-                ", or use " + option_ref("backend", "reference")});
+            "pass " + option_ref("min_scale", "...") + " to the field, or use " + option_ref("filter", "ewa")});
     }
     if (view.frame.slices > most_imprecise_slices && !float64) {
-        throw Unsupported(Complaint{
-            "the scene cannot be drawn within its error bound",
-            std::to_string(view.frame.slices) + " slices on OpenGL " + capabilities.version,
-            "OpenGL 4.0 for compensated sums, or at most " + std::to_string(most_imprecise_slices) + " slices",
-            "use a larger " + option_ref("slice_spacing") + ", or " + option_ref("backend", "reference")});
+        throw Unsupported(Complaint{"the scene cannot be drawn within its error bound",
+                                    std::to_string(view.frame.slices) + " slices on OpenGL " + capabilities.version,
+                                    "OpenGL 4.0 for compensated sums, or at most " +
+                                        std::to_string(most_imprecise_slices) + " slices",
+                                    "use a larger " + option_ref("slice_spacing")});
     }
     const bool deep = plan.projection == Projection::perspective;
     if (view.frame.slices > 0 &&
@@ -510,33 +500,28 @@ void check_kernels(const Scene& scene, const ViewFacts& view, const Capabilities
         refuse_scene("ellipsoids of " + number(view.screen_px.largest_ellipsoid_at_unit) + " pixels" +
                          (deep ? " at a distance of one unit of length" : ""),
                      "at most " + number(deep ? largest_deep_px : largest_splat_px),
-                     deep ? "use a larger unit of length, or " + option_ref("backend", "reference")
-                          : "magnify less, or use " + option_ref("backend", "reference"));
+                     deep ? "use a larger unit of length" : "magnify less");
     }
     if (view.screen_px.largest_lattice > largest_splat_px) {
         refuse_scene("kernels of " + number(view.screen_px.largest_lattice) + " pixels",
-                     "at most " + number(largest_splat_px),
-                     "magnify less, or use " + option_ref("backend", "reference"));
+                     "at most " + number(largest_splat_px), "magnify less");
     }
     const double place_error = std::max(view.frame.size.width, view.frame.size.height) * float32_epsilon;
     if (view.frame.slices > 0 && view.screen_px.largest_lattice > 0.0 &&
         place_error > largest_place_error * view.screen_px.largest_lattice) {
         refuse_scene("kernels of " + number(view.screen_px.largest_lattice) +
                          " pixels, whose positions float32 resolves to " + number(place_error),
-                     "positions resolved to " + number(largest_place_error) + " of a radius",
-                     "move the camera closer, or use " + option_ref("backend", "reference"));
+                     "positions resolved to " + number(largest_place_error) + " of a radius", "move the camera closer");
     }
     if (view.shapes.smallest_falloff < smallest_falloff) {
         refuse_scene("a falloff of " + number(view.shapes.smallest_falloff) +
                          ", whose differences float32 cannot resolve",
-                     "at least " + number(smallest_falloff),
-                     "use a larger " + option_ref("falloff") + ", or " + option_ref("backend", "reference"));
+                     "at least " + number(smallest_falloff), "use a larger " + option_ref("falloff"));
     }
     if (counts_weighted_slices(scene.mode) && steepest_falloff(scene) > largest_counted_falloff) {
         refuse_scene("a falloff of " + number(steepest_falloff(scene)) + " in mode " + name_of(scene.mode) +
                          ", which shows where kernels end",
-                     "at most " + number(largest_counted_falloff),
-                     "use a smaller " + option_ref("falloff") + ", or " + option_ref("backend", "cpu"));
+                     "at most " + number(largest_counted_falloff), "use a smaller " + option_ref("falloff"));
     }
 }
 

@@ -50,11 +50,9 @@ Effects::Effects(const std::map<std::string, bool>& forced, Backend backend, std
         if (control_of(*entry, backend) == Control::forcible) {
             forced_.emplace(entry->id, on);
         } else if (on) {
-            throw Unsupported(Complaint{
-                "the plan cannot be made", "effect " + name + " forced on with backend " + to_string(backend),
-                forcible_names(backend),
-                "use " + option_ref("backend", "gl") + ", or leave the effect out of " + option_ref("effects"),
-                "effects"});
+            throw Unsupported(
+                Complaint{"the plan cannot be made", "effect " + name + " forced on with backend " + to_string(backend),
+                          forcible_names(backend), "leave the effect out of " + option_ref("effects"), "effects"});
         }
     }
 }

@@ -114,7 +114,8 @@ double mean_slope(const TransferFunction& function, const Range& values, double 
 }
 
 /// What the sums of a group come to, but for what does not depend on the group.
-SumFacts facts_of(const Scene& scene, const ViewFacts& view, const DrawPlan& plan, const Group& group) {
+SumFacts facts_of(const Scene& scene, const ViewFacts& view, const DrawPlan& plan, const Group& group,
+                  const std::vector<IsoValue>& iso_values) {
     const double unit = plan.unit_of(group.first);
     SumFacts facts;
     facts.overlap = overlap_of(view);
@@ -126,7 +127,7 @@ SumFacts facts_of(const Scene& scene, const ViewFacts& view, const DrawPlan& pla
         facts.largest = std::max(facts.largest, amounts.largest);
         spread = std::max(spread, amounts.high - amounts.low);
         if (plan.mode == Mode::isosurface) {
-            for (const IsoValue& iso : scene.iso_values) {
+            for (const IsoValue& iso : iso_values) {
                 for (const double end : {0.0, amounts.low, amounts.high}) {
                     const double distance = std::abs(iso.value - end);
                     facts.nearest_end = distance > 0.0 ? std::min(facts.nearest_end, distance) : facts.nearest_end;
@@ -177,9 +178,9 @@ double unit_of_values(const Scene& scene, const ViewFacts& view, const Group& gr
 
 SumFacts sum_facts(const Scene& scene, const ViewFacts& view, const DrawPlan& plan) {
     const std::vector<Group> groups = groups_drawn(scene);
-    SumFacts facts = facts_of(scene, view, plan, groups.front());
+    SumFacts facts = facts_of(scene, view, plan, groups.front(), iso_values_of(scene, 0));
     for (std::size_t number = 1; number < groups.size(); ++number) {
-        const SumFacts other = facts_of(scene, view, plan, groups[number]);
+        const SumFacts other = facts_of(scene, view, plan, groups[number], iso_values_of(scene, number));
         if (other.ratio > facts.ratio) {
             facts.largest = other.largest;
             facts.resolved = other.resolved;
@@ -322,10 +323,12 @@ void expect_light_errors(const Scene& scene, const ViewFacts& view, double opaci
     // Grids follow what changes over several steps.
     double steepness = 0.0;
     const bool surface = scene.mode == Mode::isosurface;
+    std::size_t number = 0;
     for (const Group& group : scene.groups()) {
+        const std::vector<IsoValue> iso_values = iso_values_of(scene, number++);
         const TransferFunction& function = *group.transfer_function;
         std::vector<TransferPoint> shown = surface ? std::vector<TransferPoint>{} : function.points();
-        for (const IsoValue& iso : surface ? scene.iso_values : std::vector<IsoValue>{}) {
+        for (const IsoValue& iso : surface ? iso_values : std::vector<IsoValue>{}) {
             shown.push_back(function.at(iso.value));
         }
         for (const TransferPoint& point : shown) {

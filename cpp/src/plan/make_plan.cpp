@@ -72,10 +72,12 @@ SceneShows shown_of(const Scene& scene, const ViewFacts& view) {
     const bool surface = scene.mode == Mode::isosurface;
     std::string ranges;
     shows.opacity = 0.0;
+    std::size_t group_number = 0;
     for (const Group& group : scene.groups()) {
         const Range values = occurring_values(scene, view, group);
+        const std::vector<IsoValue> iso_values = iso_values_of(scene, group_number++);
         if (surface) {
-            for (const IsoValue& iso : scene.iso_values) {
+            for (const IsoValue& iso : iso_values) {
                 const bool crossed = values.lower < iso.value && iso.value <= values.upper;
                 shows.opacity = std::max(shows.opacity, crossed ? iso.opacity : 0.0);
             }
@@ -91,6 +93,13 @@ SceneShows shown_of(const Scene& scene, const ViewFacts& view) {
                                  : "opacity is 0 over all values that can occur, ") +
                         ranges;
     return shows;
+}
+
+bool lattices_end(const Scene& scene) {
+    return std::any_of(scene.fields.begin(), scene.fields.end(), [](const std::shared_ptr<const Field>& field) {
+        const RegularField* lattice = as_regular(field.get());
+        return lattice != nullptr && lattice->domain_world();
+    });
 }
 
 void state_fields(const Scene& scene, Effects& effects) {
@@ -116,6 +125,13 @@ void state_fields(const Scene& scene, Effects& effects) {
         apart ? fields + " in " + text_of_count(scene.groups().size(), "group") + ": scalars add up inside a group"
               : "the scalars of " + fields + " add up",
         scene.fields.size() == 1 ? "there is one field" : "each of " + fields + " has its own transfer function");
+    const bool end = scene.counted && scene.counted->mirrored;
+    effects.state(EffectId::boundary, end,
+                  scene.part ? "the part belongs to a volume that ends at its boundary"
+                  : end      ? scene.counted->reason
+                             : "",
+                  lattices_end(scene) ? "nothing shows at the volumes' boundary: what lies beyond makes no difference"
+                                      : "no volume ends: their fields fall to their bases");
     effects.state(EffectId::own_transfer_functions, apart,
                   text_of_count(scene.later_groups.size() + 1) + " transfer functions",
                   scene.later_groups.empty() ? "one transfer function classifies all fields"
@@ -124,13 +140,15 @@ void state_fields(const Scene& scene, Effects& effects) {
 
 void plan_clip(const Scene& scene, const ViewFacts& view, Effects& effects, DrawPlan& plan) {
     const bool given = !scene.clip.empty();
+    const bool own = scene.counted ? !scene.counted->clip.empty() : given;
     const Kept kept = kept_by(scene, view);
-    plan.clip =
-        effects.decide_given(EffectId::clip, given, given && kept != Kept::everything,
-                             !given                     ? "the scene has no clip"
-                             : kept == Kept::everything ? "the clip keeps all that kernels reach"
-                             : kept == Kept::nothing ? "the clip cuts off all that kernels reach: the picture is empty"
-                                                     : "planes or a box cut off part of what kernels reach");
+    plan.clip = effects.decide_given(
+        EffectId::clip, given, given && kept != Kept::everything,
+        !given                            ? "the scene has no clip"
+        : !own && kept == Kept::something ? "the volume ends inside of what its kernels and their mirror images reach"
+        : kept == Kept::everything        ? "the clip keeps all that kernels reach"
+        : kept == Kept::nothing           ? "the clip cuts off all that kernels reach: the picture is empty"
+                                          : "planes or a box cut off part of what kernels reach");
     plan.blank = plan.clip && kept == Kept::nothing;
 }
 
@@ -292,6 +310,21 @@ void plan_depth_cue(const Scene& scene, const ViewFacts& view, const SceneShows&
                                               : shows.why_nothing);
 }
 
+/// Lines to lights look for iso values, which are counted from one base for all groups.
+void refuse_several_bases(const Scene& scene, const DrawPlan& plan) {
+    if (!scene.counted || scene.mode != Mode::isosurface || !(plan.shadows || plan.ambient_occlusion)) {
+        return;
+    }
+    const std::vector<double>& bases = scene.counted->bases;
+    if (std::any_of(bases.begin(), bases.end(), [&bases](double base) { return base != bases.front(); })) {
+        throw Unsupported(Complaint{"lines to lights cannot be followed between surfaces",
+                                    "groups of fields whose values are counted from different bases",
+                                    "one base of all groups",
+                                    "give the fields one " + option_ref("base") + ", or leave out " +
+                                        option_ref("shadows") + " and " + option_ref("ambient_occlusion")});
+    }
+}
+
 } // namespace
 
 DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
@@ -331,35 +364,46 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     effects.state(EffectId::isosurface, scene.mode == Mode::isosurface, "the mode shows crossings of iso values",
                   "the mode is not isosurface");
     state_fields(scene, effects);
-    const bool visible_at_zero =
-        scene.mode == Mode::composite && std::any_of(groups.begin(), groups.end(), [](const Group& group) {
-            return !group.transfer_function->transparent_over(0.0, 0.0);
-        });
+    const bool visible_at_zero = scene.mode == Mode::composite && !(scene.counted && scene.counted->filled) &&
+                                 std::any_of(groups.begin(), groups.end(), [](const Group& group) {
+                                     return !group.transfer_function->transparent_over(0.0, 0.0);
+                                 });
     plan.threshold = threshold;
     plan.open_front = scene.mode == Mode::isosurface && view.frame.cut_by_near;
     plan.coverage = outputs.coverage;
     plan.depth = outputs.depth && !scalar;
     plan.owned = scene.part && scene.part->cuts();
-    plan.counts = scene.part && counts_weighted_slices(scene.mode);
-    plan.empty_test = effects.decide(EffectId::empty_test, visible_at_zero,
-                                     visible_at_zero ? "opacity at 0 is above 0, and empty points must stay transparent"
-                                     : scalar        ? "empty points count as 0"
-                                                     : "a scalar of 0 is transparent anyway",
-                                     true);
+    plan.counts = scene.mode == Mode::average && (scene.part || (scene.counted && scene.counted->counts));
+    const bool thin = scene.mode == Mode::composite && std::any_of(scene.fields.begin(), scene.fields.end(),
+                                                                   [](const std::shared_ptr<const Field>& field) {
+                                                                       return field->least_weight() > 0.0;
+                                                                   });
+    plan.empty_test =
+        effects.decide(EffectId::empty_test, visible_at_zero || thin,
+                       thin              ? "points beside missing samples, which too few kernels reach, are empty"
+                       : visible_at_zero ? "opacity at 0 is above 0, and empty points must stay transparent"
+                       : scalar          ? "the mode has no opacity"
+                       : scene.counted && scene.counted->filled ? "kernels reach every point inside the volume"
+                                                                : "a scalar of 0 is transparent anyway",
+                       true);
     const bool filtering = scene.filter == Filter::ewa && view.shapes.largest_filtering > least_filtering;
     const bool counted = counts_weighted_slices(scene.mode);
+    const bool filled = scene.counted && scene.counted->filled;
+    // (Backend gl passes over pixels that no kernel touches, which count too: it draws all kernels for their weights.)
     const bool places_tell = backend == Backend::cpu && !filtering && places_tell_reach(scene);
     const bool by_place = counted && places_tell;
     const bool weight = threshold || outputs.coverage || plan.empty_test || (counted && !by_place);
-    plan.weight = effects.decide(EffectId::weight, weight,
-                                 threshold          ? "rho is divided by the weight sum"
-                                 : outputs.coverage ? "coverage is the weight sum"
-                                 : by_place         ? "the places of samples say which slices count"
-                                 : counted          ? "only slices where the weight sum is above 0 count"
-                                 : plan.empty_test  ? "only the weight distinguishes empty points from sums of 0"
-                                                    : "no division by weights, no coverage, and opacity at 0 is 0",
-                                 true) ||
-                  plan.empty_test;
+    plan.weight =
+        effects.decide(EffectId::weight, weight,
+                       threshold          ? "rho is divided by the weight sum"
+                       : outputs.coverage ? "coverage is the weight sum"
+                       : by_place ? filled ? "kernels reach every point inside the volume: all slices there count"
+                                           : "the places of samples say which slices count"
+                       : counted  ? "only slices where the weight sum is above 0 count"
+                       : plan.empty_test ? "only the weight distinguishes empty points from sums of 0"
+                                         : "no division by weights, no coverage, and opacity at 0 is 0",
+                       true) ||
+        plan.empty_test;
     const bool unresolved = view.kernels.unresolved > 0;
     const std::string small = kernels(view.kernels.unresolved) + (view.kernels.unresolved == 1 ? " is" : " are") +
                               " smaller than a pixel or thinner than a slice distance";
@@ -446,11 +490,15 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     effects.state(EffectId::depth, outputs.depth, "asked for", "not asked for");
 
     if (backend != Backend::reference) {
+        refuse_several_bases(scene, plan);
         const auto sums = [&] { return sum_facts(scene, view, plan); };
-        const bool intervals = !plan.empty_test && intervals_may_be_empty(scene, sums(), plan);
+        // (The end of an interval that the near plane removes is empty, though kernels reach it.)
+        const bool told = filled && !view.frame.cut_by_near;
+        const bool intervals = !plan.empty_test && !told && intervals_may_be_empty(scene, sums(), plan);
         effects.state(EffectId::empty_intervals, intervals,
                       intervals ? "intervals that no kernel reaches must be distinguished from those whose ends are 0"
                       : plan.empty_test ? "the empty test distinguishes them already"
+                      : told            ? "kernels reach every point inside the volume"
                                         : "intervals whose ends are 0 are transparent anyway");
         plan.empty_test = plan.empty_test || intervals;
         plan.weight = plan.weight || (intervals && (!places_tell || shows_between_zeros(scene, sums(), plan)));
@@ -458,10 +506,10 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     if (backend == Backend::reference) {
         plan.precision = Precision::float64;
         if (options.precision != Precision::automatic && options.precision != Precision::float64) {
-            throw Unsupported(Complaint{
-                "the plan cannot be made",
-                std::string("precision ") + to_string(options.precision) + " with backend reference", "float64 or auto",
-                "use " + option_ref("backend", "gl") + " for lower precision", "precision"});
+            throw Unsupported(
+                Complaint{"the plan cannot be made",
+                          std::string("precision ") + to_string(options.precision) + " with backend reference",
+                          "float64 or auto", "", "precision"});
         }
         summary.precision = plan.precision;
         summary.packing = Packing::wide;

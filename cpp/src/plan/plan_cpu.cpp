@@ -6,6 +6,7 @@
 #include "facts/extreme_blocks.hpp"
 #include "limits_cpu.hpp"
 #include "parts.hpp"
+#include "plan/tells_empty.hpp"
 #include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
 
@@ -18,21 +19,20 @@ namespace {
 /// Ways of drawing that only backend gl has.
 void refuse_ways_of_gl(const RendererOptions& options) {
     if (options.tagging != Tagging::automatic && options.tagging != Tagging::tiles) {
-        throw Unsupported(Complaint{
-            "the plan cannot be made", std::string("tagging ") + to_string(options.tagging) + " with backend cpu",
-            "auto or tiles, the one way in which it skips empty space",
-            "use " + option_ref("backend", "gl") + ", or leave out " + option_ref("tagging"), "tagging"});
+        throw Unsupported(Complaint{"the plan cannot be made",
+                                    std::string("tagging ") + to_string(options.tagging) + " with backend cpu",
+                                    "auto or tiles, the one way in which it skips empty space",
+                                    "leave out " + option_ref("tagging"), "tagging"});
     }
     if (options.packing == Packing::paper) {
         throw Unsupported(Complaint{"the plan cannot be made", "packing paper with backend cpu",
                                     "auto or wide: slices are not packed into colour channels",
-                                    "use " + option_ref("backend", "gl") + ", or leave out " + option_ref("packing"),
-                                    "packing"});
+                                    "leave out " + option_ref("packing"), "packing"});
     }
     if (options.precision == Precision::float16 || options.precision == Precision::uint8) {
-        throw Unsupported(Complaint{
-            "the plan cannot be made", std::string("precision ") + to_string(options.precision) + " with backend cpu",
-            "auto, float32 or float64", "use " + option_ref("backend", "gl") + " for lower precision", "precision"});
+        throw Unsupported(Complaint{"the plan cannot be made",
+                                    std::string("precision ") + to_string(options.precision) + " with backend cpu",
+                                    "auto, float32 or float64", "", "precision"});
     }
 }
 
@@ -52,9 +52,6 @@ double least_faded(const Scene& scene, const ViewFacts& view, const SumFacts& su
     }
     return epsilon * std::sqrt(std::max(1.0, sums.overlap)) * rho / shortest / limits::least_seen;
 }
-
-/// Where kernels end shows.
-bool tells_empty(const DrawPlan& plan) { return plan.weight && (plan.empty_test || counts_weighted_slices(plan.mode)); }
 
 /// Why float32 would not keep its bound; empty where it does.
 std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPlan& plan, const SumFacts& sums) {
@@ -163,8 +160,7 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
 void refuse_beyond_float64(const Scene& scene, const ViewFacts& view, const DrawPlan& plan, const SumFacts& sums) {
     const auto refuse = [](const Words& found, const Words& wanted, const Words& advice) {
         throw Unsupported(Complaint{"the scene cannot be drawn within its error bound with backend cpu", found, wanted,
-                                    advice + ", use " + option_ref("backend", "reference") + ", or pass " +
-                                        option_ref("allow_inexact", "true")});
+                                    advice + ", or pass " + option_ref("allow_inexact", "true")});
     };
     if (view.kernels.all == 0 || view.frame.slices == 0) {
         return;
@@ -260,7 +256,7 @@ std::uint64_t memory_of(const Scene& scene, const ViewFacts& view, const DrawPla
 struct SecondsOfExtremes {
     double by_rays, by_sheets;
 };
-SecondsOfExtremes seconds_of_extremes(const RegularField& field, const ViewFacts& view, Mode mode, bool general) {
+SecondsOfExtremes seconds_of_extremes(const RegularField& field, const ViewFacts& view, bool general) {
     const ExtremeFacts& extremes = *view.extremes;
     const double radius = field.options().radius;
     const double window = 2.0 * std::max(2.0, std::ceil(radius));
@@ -270,13 +266,12 @@ SecondsOfExtremes seconds_of_extremes(const RegularField& field, const ViewFacts
     const double sections =
         1.0 + 2.0 * radius * std::cbrt(spacing.x * spacing.y * spacing.z) / view.frame.slice_spacing;
     const double overlaps = extremes.drawn * 4.0 / 3.0 * 3.14159265358979323846 * radius * radius * radius;
-    const double each = mode == Mode::minimum ? limits::counted_seconds : 0.0;
     return {extremes.asked * limits::asked_seconds +
                 extremes.left *
                     (limits::looked_up_seconds + limits::looked_up_sample_seconds * window * window * window),
-            each + (general ? limits::general_price : 1.0) *
-                       (kernels * (limits::kernel_seconds + sections * limits::section_seconds) +
-                        limits::splat_seconds * overlaps)};
+            limits::counted_seconds + (general ? limits::general_price : 1.0) *
+                                          (kernels * (limits::kernel_seconds + sections * limits::section_seconds) +
+                                           limits::splat_seconds * overlaps)};
 }
 
 /// Modes mip and minimum by rays in place of sheets.
@@ -290,7 +285,6 @@ void plan_extremes(const Scene& scene, const ViewFacts& view, Effects& effects, 
                                                        number(ExtremeBlocks::largest_radius)
                                 : plan.sampling != Sampling::point ? "slices are means over slabs"
                                 : plan.owned                       ? "a part of a whole is drawn"
-                                : plan.counts                      ? "slices that count are counted, a part by a part"
                                 : plan.filter                      ? "the filter widens kernels"
                                 : plan.coverage || plan.weight     ? "weights are summed"
                                 : view.frame.slices == 0           ? "there are no slices"
@@ -299,14 +293,13 @@ void plan_extremes(const Scene& scene, const ViewFacts& view, Effects& effects, 
         plan.ray_extremes = effects.decide_given(EffectId::ray_extremes, false, false, why_not);
         return;
     }
-    const SecondsOfExtremes seconds =
-        seconds_of_extremes(*as_regular(scene.fields.front().get()), view, plan.mode, plan.general);
+    const SecondsOfExtremes seconds = seconds_of_extremes(*as_regular(scene.fields.front().get()), view, plan.general);
     const bool less = seconds.by_rays <= seconds.by_sheets;
     plan.ray_extremes = effects.decide(
         EffectId::ray_extremes, less,
         "bounds of blocks leave " + number(std::round(100.0 * view.extremes->left)) +
             " % of the slice points of a few rays, and " + number(std::round(100.0 * view.extremes->drawn)) +
-            " % of the samples beside them are not 0: " + (less ? "looking these up" : "summing sheets") +
+            " % of the samples beside them differ from the base: " + (less ? "looking these up" : "summing sheets") +
             " takes less time");
 }
 

@@ -56,15 +56,15 @@ void plan_sheets(const Scene& scene, const ViewFacts& view, const RendererOption
                          is_far_off(sum_facts(scene, view, plan));
     divide_apart(scene, outputs, effects, plan, plan.analytic_gradient || far_off || groups);
     if (plan.fine_gradient && !plan.own_sheets.empty()) {
-        throw Unsupported(Complaint{
-            "the scene cannot be drawn with backend gl",
-            "a lit close-up of several fields, one with " + option_ref("normalization", "threshold") +
-                ", whose pixels or slices are closer "
-                "than an eighth of the reference length",
-            "such a close-up of one field, or of fields with " + option_ref("normalization", "none") + " or " +
-                option_ref("normalization", "lattice"),
-            "use " + option_ref("gradient", "analytic") + ", a larger " + option_ref("slice_spacing") + ", a smaller " +
-                option_ref("reference_length") + ", or " + option_ref("backend", "reference")});
+        throw Unsupported(
+            Complaint{"the scene cannot be drawn with backend gl",
+                      "a lit close-up of several fields, one with " + option_ref("normalization", "threshold") +
+                          ", whose pixels or slices are closer "
+                          "than an eighth of the reference length",
+                      "such a close-up of one field, or of fields with " + option_ref("normalization", "none") +
+                          " or " + option_ref("normalization", "lattice"),
+                      "use " + option_ref("gradient", "analytic") + ", a larger " + option_ref("slice_spacing") +
+                          " or a smaller " + option_ref("reference_length")});
     }
     // Differences of values and of weights of two sheets at once would take more texture units than every device has.
     const bool crowded = plan.fine_gradient && plan.threshold;
@@ -236,9 +236,9 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
     effects.state(EffectId::tagging, plan.tagging != Tagging::off, why_tagged(plan.tagging));
     plan.precision = options.precision == Precision::automatic ? Precision::float32 : options.precision;
     if (plan.precision == Precision::float64) {
-        throw Unsupported(Complaint{
-            "the plan cannot be made", "precision float64 with backend gl, whose targets blend 32 bits at most",
-            "auto, uint8, float16 or float32", "use " + option_ref("backend", "cpu") + " for float64", "precision"});
+        throw Unsupported(Complaint{"the plan cannot be made",
+                                    "precision float64 with backend gl, whose targets blend 32 bits at most",
+                                    "auto, uint8, float16 or float32", "", "precision"});
     }
     plan_skipping(scene, view, outputs, capabilities, calls, effects, plan);
     plan_paper_slicing(scene, view, options, capabilities, effects, plan);

@@ -14,15 +14,15 @@ constexpr double on_a_plane = 1e-6;
 
 } // namespace
 
-Clipping::Clipping(const Scene& scene, const Camera& camera) {
-    for (const Clip::Plane& plane : scene.clip.half_spaces()) {
+Clipping::Clipping(const Clip& clip, const Camera& camera, double slice_distance) {
+    for (const Clip::Plane& plane : clip.half_spaces()) {
         // Normals may be so long or short that their squares do not fit.
         const double length = std::hypot(plane.normal.x, plane.normal.y, plane.normal.z);
         const Vec3 normal = plane.normal / length;
         const Vec3 in_eye(glm::dot(normal, camera.right_world()), glm::dot(normal, camera.up_world()),
                           glm::dot(normal, camera.back_world()));
         const double least = plane.offset / length - glm::dot(normal, camera.eye());
-        half_spaces_.push_back({in_eye, least - on_a_plane * scene.slice_distance()});
+        half_spaces_.push_back({in_eye, least - on_a_plane * slice_distance});
     }
 }
 

@@ -23,19 +23,22 @@ bool calls_for_gradients(const Scene& scene) {
     return !is_scalar(scene.mode) && (!scene.lights.empty() || scene.gradient_opacity.has_value());
 }
 
-Compositor::Compositor(const Scene& scene, const Screen& screen, const Slices& slices, const Shader& shader,
-                       const Clipping& clipping, const Cell& cell, const Surroundings* surroundings,
-                       const Request& request, const Nudge& nudge)
-    : scene_(scene), screen_(screen), slices_(slices), shader_(shader), clipping_(clipping), cell_(cell),
-      surroundings_(surroundings), needs_gradient_(calls_for_gradients(scene)), groups_(groups_drawn(scene)),
-      nudge_(nudge.rho), stop_(scene.opacity_stop + nudge.stop), reference_distance_(scene.reference_distance()) {
+Compositor::Compositor(const CountedScene& counted, const Camera& camera, const Screen& screen, const Slices& slices,
+                       const Shader& shader, const Clipping& clipping, const Cell& cell,
+                       const Surroundings* surroundings, const Request& request, const Nudge& nudge)
+    : counted_(counted), scene_(counted.scene()), screen_(screen), slices_(slices), shader_(shader),
+      clipping_(clipping), cell_(cell), surroundings_(surroundings), needs_gradient_(calls_for_gradients(scene_)),
+      groups_(groups_drawn(scene_)), nudge_(nudge.rho), stop_(scene_.opacity_stop + nudge.stop),
+      reference_distance_(scene_.reference_distance()) {
+    const Scene& scene = scene_;
     for (const Group& group : groups_) {
+        ends_.emplace_back(counted.end_of_group(ends_.size()), camera, scene.slice_distance());
         rho_shifts_.push_back(nudge.rho * (group.transfer_function->v_max() - group.transfer_function->v_min()));
     }
     const std::size_t pixels = static_cast<std::size_t>(screen.width()) * static_cast<std::size_t>(screen.height());
     picture_.size = {screen.width(), screen.height()};
     if (is_scalar(scene.mode)) {
-        picture_.scalar.assign(pixels, scene.mode == Mode::minimum ? never : 0.0);
+        picture_.scalar.assign(pixels, scene.mode == Mode::minimum ? never : scene.mode == Mode::mip ? -never : 0.0);
     } else {
         picture_.rgba.assign(4 * pixels, 0.0);
     }
@@ -164,8 +167,11 @@ std::vector<Compositor::Crossing> Compositor::find_crossings(const SheetWindow& 
     std::vector<Crossing> crossings;
     for (std::size_t group = 0; group < groups_.size(); ++group) {
         const View view{window, pixel, group};
+        if (!inside(view, 0) || !inside(view, 1)) {
+            continue;
+        }
         const double front = view.rho(0) + rho_shifts_[group], back = view.rho(1) + rho_shifts_[group];
-        for (const IsoValue& iso : scene_.iso_values) {
+        for (const IsoValue& iso : counted_.iso_values(group)) {
             if ((front < iso.value) != (back < iso.value)) {
                 crossings.push_back({(iso.value - front) / (back - front), group, &iso});
             }
@@ -197,9 +203,11 @@ void Compositor::add_crossings(const SheetWindow& window, const Pixel& pixel) {
 
 void Compositor::add_scalar(const SheetWindow& window, const Pixel& pixel) {
     const View view{window, pixel, 0};
-    if (!kept(window, pixel, 0) ||
-        (counts_weighted_slices(scene_.mode) && !(view.sheet(0).weight[view.index()] > 0.0))) {
+    if (!kept(window, pixel, 0) || view.sheet(0).counts[view.index()] == 0) {
         return;
+    }
+    if (!counts_.empty()) {
+        counts_[pixel.number] += 1.0;
     }
     double& value = picture_.scalar[pixel.number];
     switch (scene_.mode) {
@@ -208,11 +216,9 @@ void Compositor::add_scalar(const SheetWindow& window, const Pixel& pixel) {
         break;
     case Mode::minimum:
         value = std::min(value, view.rho(0));
-        counts_[pixel.number] += 1.0;
         break;
     case Mode::average:
         value += view.rho(0);
-        counts_[pixel.number] += 1.0;
         break;
     default:
         value = std::max(value, view.rho(0));
@@ -226,6 +232,11 @@ bool Compositor::kept(const SheetWindow& window, const Pixel& pixel, std::size_t
         return false;
     }
     return clipping_.keeps(screen_.point(pixel.column, pixel.row, depth));
+}
+
+bool Compositor::inside(const View& view, std::size_t ahead) const {
+    const double depth = slices_.depth(view.window.n + static_cast<std::int64_t>(ahead));
+    return ends_[view.group].keeps(screen_.point(view.pixel.column, view.pixel.row, depth));
 }
 
 bool Compositor::owned(const SheetWindow& window, const Pixel& pixel) const {
@@ -299,12 +310,13 @@ void Compositor::put_behind(const Pixel& pixel, const Vec3& color, double alpha,
 }
 
 Picture Compositor::finish() {
-    if (scene_.mode == Mode::average) {
-        for (std::size_t at = 0; at < counts_.size(); ++at) {
-            picture_.scalar[at] /= std::max(1.0, counts_[at]);
+    for (std::size_t at = 0; at < counts_.size(); ++at) {
+        if (counts_[at] == 0.0) {
+            picture_.scalar[at] = std::numeric_limits<double>::quiet_NaN();
+        } else if (scene_.mode == Mode::average) {
+            picture_.scalar[at] /= counts_[at];
         }
     }
-    std::replace(picture_.scalar.begin(), picture_.scalar.end(), never, 0.0);
     picture_.counts = std::move(counts_);
     if (scene_.background && !scene_.part) {
         for (std::size_t at = 0; at < picture_.rgba.size(); at += 4) {

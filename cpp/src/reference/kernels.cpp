@@ -51,6 +51,14 @@ double ratio_of_products(const std::array<double, 3>& above, const std::array<do
     return std::ldexp(mantissa, exponent);
 }
 
+// The layer that one is the image of, in mirrors in layer 0 and in the last one.
+std::int64_t mirrored(std::int64_t layer, std::int64_t last) {
+    while (last > 0 && (layer < 0 || layer > last)) {
+        layer = layer < 0 ? -layer : 2 * last - layer;
+    }
+    return last > 0 ? layer : 0;
+}
+
 // Largest a s + sqrt(h^2 - s^2) for s from `from` to `to`, both in [-h, h].
 double largest_on_arc(double a, double h, double from, double to) {
     const double s = std::clamp(h * a / std::hypot(1.0, a), from, to);
@@ -248,24 +256,91 @@ Chord KernelShape::mean(const Profile& profile, const Vec3& beside, double slope
 }
 
 WorldKernels::WorldKernels(const Field& field) : regular_(as_regular(&field)), ellipsoids_(as_ellipsoids(&field)) {
-    if (regular_ != nullptr) {
-        const auto [nk, nj, ni] = regular_->shape();
-        numbers_ = nk * nj * ni;
-        semi_axes_ = regular_->semi_axes_world();
-    } else {
+    if (regular_ == nullptr) {
         numbers_ = ellipsoids_->size();
+        return;
     }
+    semi_axes_ = regular_->semi_axes_world();
+    bcc_ = regular_->lattice() == Lattice::bcc;
+    const double radius = regular_->options().radius;
+    reach_squared_ = bcc_ ? 2.0 * radius * radius : radius * radius;
+    numbers_ = 1;
+    for (int axis = 0; axis < 3; ++axis) {
+        Axis& own = axes_[static_cast<std::size_t>(axis)];
+        own = axis_of(axis);
+        numbers_ *= static_cast<std::uint64_t>(own.count);
+    }
+}
+
+double WorldKernels::Axis::outside(double layer) const { return std::max({0.0, domain[0] - layer, layer - domain[1]}); }
+
+WorldKernels::Axis WorldKernels::axis_of(int axis) const {
+    const auto samples = static_cast<std::int64_t>(regular_->shape()[static_cast<std::size_t>(2 - axis)]);
+    const bool halves = bcc_ && axis < 2;
+    Axis found;
+    found.count = samples;
+    found.last_layer = halves ? 2 * samples - 1 : samples - 1;
+    if (!regular_->domain_world()) {
+        return found;
+    }
+    if (regular_->options().domain) {
+        const double apart = bcc_ ? 0.5 * regular_->options().spacing.x : regular_->options().spacing[axis];
+        const double origin = regular_->options().origin[axis];
+        found.domain[0] = (regular_->domain_world()->lower[axis] - origin) / apart;
+        found.domain[1] = (regular_->domain_world()->upper[axis] - origin) / apart;
+    } else {
+        // Half a layer beyond the first and the last one: of BCC, a / 4 beyond the box of all centres.
+        found.domain[0] = -0.5;
+        found.domain[1] = static_cast<double>(found.last_layer) + 0.5;
+    }
+    // A few too many do no harm: each is asked whether it reaches.
+    const double per_index = halves ? 2.0 : 1.0, reach = std::sqrt(reach_squared_);
+    found.first =
+        std::min(std::int64_t{0}, static_cast<std::int64_t>(std::floor((found.domain[0] - reach) / per_index)) - 1);
+    const auto last =
+        std::max(samples - 1, static_cast<std::int64_t>(std::ceil((found.domain[1] + reach) / per_index)) + 1);
+    found.count = last - found.first + 1;
+    return found;
+}
+
+std::optional<WorldKernel> WorldKernels::sample(std::uint64_t number) const {
+    std::array<std::int64_t, 3> index{};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+        const auto count = static_cast<std::uint64_t>(axes_[axis].count);
+        index[axis] = axes_[axis].first + static_cast<std::int64_t>(number % count);
+        number /= count;
+    }
+    // Mirrors keep the parity of layers.
+    const std::int64_t odd = bcc_ ? ((index[2] % 2) + 2) % 2 : 0;
+    const Vec3 apart = bcc_ ? Vec3(0.5 * regular_->options().spacing.x) : regular_->options().spacing;
+    std::array<std::size_t, 3> source{};
+    Vec3 centre, outside(0.0);
+    for (int axis = 0; axis < 3; ++axis) {
+        const auto own = static_cast<std::size_t>(axis);
+        const bool halves = bcc_ && axis < 2;
+        const std::int64_t layer = halves ? 2 * index[own] + odd : index[own];
+        const std::int64_t given = mirrored(layer, axes_[own].last_layer);
+        source[own] = static_cast<std::size_t>(halves ? given / 2 : given);
+        centre[axis] = regular_->options().origin[axis] + static_cast<double>(layer) * apart[axis];
+        if (regular_->domain_world()) {
+            outside[axis] = axes_[own].outside(static_cast<double>(layer));
+        }
+    }
+    // Open supports that only touch the domain do not reach into it. (Of lattices that hold mirrored samples as their
+    // own, rows say which of them are kernels.)
+    const SampleRange row = regular_->kernels_of_row(source[1], source[2]);
+    const bool reaches = source[0] >= row.begin && source[0] < row.end &&
+                         (!regular_->domain_world() || glm::dot(outside, outside) < reach_squared_);
+    const double value = reaches ? regular_->value(source[0], source[1], source[2]) : 0.0;
+    if (!reaches || std::isnan(value)) {
+        return std::nullopt;
+    }
+    return WorldKernel{centre, Mat3(1.0), semi_axes_, value, 1.0};
 }
 
 std::optional<WorldKernel> WorldKernels::at(std::uint64_t number) const {
     if (regular_ != nullptr) {
-        const std::size_t ni = regular_->shape()[2], nj = regular_->shape()[1];
-        const std::size_t i = number % ni, j = number / ni % nj, k = number / (ni * nj);
-        const double value = regular_->value(i, j, k);
-        if (std::isnan(value)) {
-            return std::nullopt;
-        }
-        return WorldKernel{regular_->position(i, j, k), Mat3(1.0), semi_axes_, value, 1.0};
+        return sample(number);
     }
     const std::vector<glm::dquat>& rotations = ellipsoids_->arrays().rotations;
     return WorldKernel{ellipsoids_->center(number), rotations.empty() ? Mat3(1.0) : glm::mat3_cast(rotations[number]),

@@ -50,14 +50,17 @@ PointSums::PointSums(const Field& field, const Scene& scene, const Camera& camer
                      double radius_factor)
     : profile_(field.kernel().falloff), normaliser_(field, radius_factor) {
     const std::string what = "the reference's grid of kernels";
-    if (field.size() > 0xFFFFFFFFULL) {
-        throw OutOfMemory(Complaint{"shadows and ambient occlusion cannot be drawn",
-                                    text_of_count(field.size()) + " kernels", "at most 2^32", advice});
+    const EyeKernels seen(field, scene, camera, screen, radius_factor);
+    // Mirrored ones included.
+    std::uint64_t count = 0;
+    seen.for_each([&count](std::uint64_t, const EyeKernel&) { ++count; });
+    if (count > 0xFFFFFFFFULL) {
+        throw OutOfMemory(Complaint{"shadows and ambient occlusion cannot be drawn", text_of_count(count) + " kernels",
+                                    "at most 2^32", advice});
     }
     // Twice while they are sorted.
-    require_memory(checked_product(field.size(), 2 * sizeof(EyeKernel) + sizeof(std::uint32_t), what), what, advice);
-    const EyeKernels seen(field, scene, camera, screen, radius_factor);
-    kernels_.reserve(field.size());
+    require_memory(checked_product(count, 2 * sizeof(EyeKernel) + sizeof(std::uint32_t), what), what, advice);
+    kernels_.reserve(count);
     seen.for_each([&](std::uint64_t, const EyeKernel& kernel) {
         const Box box = box_around(kernel);
         box_ = kernels_.empty() ? box : Box{glm::min(box_.lower, box.lower), glm::max(box_.upper, box.upper)};
@@ -159,7 +162,7 @@ void PointSums::for_each_cell(const EyeKernel& kernel, Visit&& visit) const {
 
 PointSums::Value PointSums::at(const Vec3& point_eye) const {
     const Sums sums = sums_at(point_eye);
-    return {rho(sums), sums.empty};
+    return {rho(sums), sums.empty || sums.w < normaliser_.least_weight()};
 }
 
 Sums PointSums::sums_at(const Vec3& point_eye) const {

@@ -1,5 +1,6 @@
 #include "reference/reference.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 
@@ -7,6 +8,7 @@
 #include "reference/classify.hpp"
 #include "reference/clip.hpp"
 #include "reference/composite.hpp"
+#include "reference/counted.hpp"
 #include "reference/screen.hpp"
 #include "reference/shade.hpp"
 #include "reference/slices.hpp"
@@ -38,8 +40,8 @@ bool needs_surroundings(const Scene& scene) {
     return (scene.shadows && !scene.lights.empty()) || scene.ambient_occlusion.has_value();
 }
 
-bool needs_weights(const Scene& scene, const Request& request) {
-    return request.coverage || counts_weighted_slices(scene.mode);
+Sheet::Wanted wanted_of(const Scene& scene, const Request& request) {
+    return {request.coverage, is_scalar(scene.mode), has_analytic_gradients(scene)};
 }
 
 void check_memory(Size size, const Scene& scene, const Request& request, std::size_t pictures) {
@@ -47,19 +49,19 @@ void check_memory(Size size, const Scene& scene, const Request& request, std::si
     const std::uint64_t pixels =
         static_cast<std::uint64_t>(size.width + 2LL) * static_cast<std::uint64_t>(size.height + 2LL);
     const bool scalar = is_scalar(scene.mode);
-    const bool slopes = has_analytic_gradients(scene);
-    const std::uint64_t a_sheet =
-        sizeof(double) + 1 + (needs_weights(scene, request) ? sizeof(double) : 0) + (slopes ? sizeof(Vec3) : 0);
+    const Sheet::Wanted wanted = wanted_of(scene, request);
+    const std::uint64_t a_sheet = sizeof(double) + 1 + (wanted.weights ? sizeof(double) : 0) + (wanted.counts ? 1 : 0) +
+                                  (wanted.gradients ? sizeof(Vec3) : 0);
     const std::uint64_t a_picture =
         ((scalar ? 1U : 4U) + (request.coverage ? 1U : 0U) + (request.depth ? 1U : 0U)) * sizeof(double);
-    const std::uint64_t scratch = 3 * sizeof(double) + 2 * (slopes ? sizeof(Vec3) : 0);
+    const std::uint64_t scratch = 3 * sizeof(double) + 1 + 2 * (wanted.gradients ? sizeof(Vec3) : 0);
     const std::string what = "the reference's sheets and picture";
     const std::size_t sheets = sheets_in_window * groups_drawn(scene).size();
     require_memory(checked_product(pixels, sheets * a_sheet + scratch + pictures * a_picture, what), what,
                    "make the picture smaller");
 }
 
-bool opaque_at_zero(const TransferFunction& function, const std::vector<Nudge>& nudges) {
+bool opaque_at_base(const TransferFunction& function, const std::vector<Nudge>& nudges) {
     const double range = function.v_max() - function.v_min();
     for (const Nudge& nudge : nudges) {
         if (look_up(function, nudge.rho * range).opacity > 0.0) {
@@ -69,14 +71,21 @@ bool opaque_at_zero(const TransferFunction& function, const std::vector<Nudge>& 
     return false;
 }
 
-ZeroKernels zero_kernels(const Scene& scene, const Group& group, const Field& field, const Request& request,
+ZeroKernels zero_kernels(const CountedScene& counted, const Group& group, std::size_t number, const Request& request,
                          const std::vector<Nudge>& nudges) {
-    const bool weights_matter = needs_weights(scene, request) || field.normalization() == Normalization::threshold;
+    const Scene& scene = counted.scene();
+    const Field& field = *scene.fields[number];
+    // Which points count matters less to an x-ray: those that do not could only add bases.
+    const bool adds_base =
+        std::any_of(scene.fields.begin(), scene.fields.end(), [](const auto& any) { return any->base() != 0.0; });
+    const bool counts_matter = is_scalar(scene.mode) && (scene.mode != Mode::xray || adds_base);
+    const bool weights_matter = request.coverage || counts_matter || field.normalization() == Normalization::threshold;
     // Of an interval of which an end is cut off, or whose cubic is not 0 between two ends that are, it matters whether
     // the ends are empty.
-    const bool intervals = scene.preintegration && (scene.second_order || !scene.clip.empty() || scene.depth_limit);
+    const bool cut = !scene.clip.empty() || !counted.end_of_field(number).empty() || scene.depth_limit;
+    const bool intervals = scene.preintegration && (scene.second_order || cut);
     const bool reach_matters =
-        scene.mode == Mode::composite && (intervals || opaque_at_zero(*group.transfer_function, nudges));
+        scene.mode == Mode::composite && (intervals || opaque_at_base(*group.transfer_function, nudges));
     return weights_matter || reach_matters ? ZeroKernels::drawn : ZeroKernels::left_out;
 }
 
@@ -86,9 +95,9 @@ using GroupedSums = std::vector<std::vector<std::unique_ptr<FieldSums>>>;
 /// The last four sheets of each group, in the order of their slices.
 class RollingSheets {
   public:
-    RollingSheets(const Screen& screen, const Slices& slices, const GroupedSums& groups, bool weights, bool gradients)
+    RollingSheets(const Screen& screen, const Slices& slices, const GroupedSums& groups, const Sheet::Wanted& wanted)
         : slices_(slices), groups_(groups), next_(slices.first - 2),
-          sheets_(sheets_in_window * groups.size(), Sheet(screen, weights, gradients)), sums_(sheets_.front()) {}
+          sheets_(sheets_in_window * groups.size(), Sheet(screen, wanted)), sums_(sheets_.front()) {}
 
     /// The window around slice n; asked for n from the slice before the first on, one after the other.
     [[nodiscard]] SheetWindow around(std::int64_t n) {
@@ -128,9 +137,9 @@ class RollingSheets {
 };
 
 /// Pictures of the same sheets, one for each nudge.
-std::vector<Picture> draw(const Scene& scene, const Camera& camera, Size size, const Request& request,
+std::vector<Picture> draw(const CountedScene& counted, const Camera& camera, Size size, const Request& request,
                           double radius_factor, const std::vector<Nudge>& nudges) {
-    scene.validate();
+    const Scene& scene = counted.scene();
     check_size(size);
     check_memory(size, scene, request, nudges.size());
     if (scene.depth_limit) {
@@ -139,12 +148,12 @@ std::vector<Picture> draw(const Scene& scene, const Camera& camera, Size size, c
 
     const Screen screen(camera, size);
     const Slices slices = find_slices(scene, camera, screen, radius_factor);
-    const Shader shader(scene, camera);
+    const Shader shader(counted, camera);
     const Clipping clipping(scene, camera);
     const Cell cell(scene, camera);
     std::optional<Surroundings> surroundings;
     if (slices.count > 0 && needs_surroundings(scene)) {
-        surroundings.emplace(scene, camera, screen, clipping, radius_factor);
+        surroundings.emplace(counted, camera, screen, clipping, radius_factor);
     }
 
     GroupedSums groups;
@@ -152,16 +161,16 @@ std::vector<Picture> draw(const Scene& scene, const Camera& camera, Size size, c
     for (const Group& group : slices.count > 0 ? groups_drawn(scene) : std::vector<Group>{}) {
         groups.emplace_back();
         for (std::size_t number = group.first; number < group.last; ++number) {
-            const Field& field = *scene.fields[number];
-            groups.back().push_back(std::make_unique<FieldSums>(field, scene, camera, screen, slices, radius_factor,
-                                                                zero_kernels(scene, group, field, request, nudges)));
+            groups.back().push_back(std::make_unique<FieldSums>(*scene.fields[number], counted.end_of_field(number),
+                                                                scene, camera, screen, slices, radius_factor,
+                                                                zero_kernels(counted, group, number, request, nudges)));
             kernels_drawn += groups.back().back()->drawn();
         }
     }
     std::vector<Compositor> compositors;
     for (const Nudge& nudge : nudges) {
-        compositors.emplace_back(scene, screen, slices, shader, clipping, cell, surroundings ? &*surroundings : nullptr,
-                                 request, nudge);
+        compositors.emplace_back(counted, camera, screen, slices, shader, clipping, cell,
+                                 surroundings ? &*surroundings : nullptr, request, nudge);
     }
 
     const auto report = [&](std::int64_t intervals) {
@@ -171,7 +180,7 @@ std::vector<Picture> draw(const Scene& scene, const Camera& camera, Size size, c
         }
     };
     if (slices.count > 0) {
-        RollingSheets sheets(screen, slices, groups, needs_weights(scene, request), has_analytic_gradients(scene));
+        RollingSheets sheets(screen, slices, groups, wanted_of(scene, request));
         for (std::int64_t n = slices.first - 1; n <= slices.last(); ++n) {
             const SheetWindow window = sheets.around(n);
             for (Compositor& compositor : compositors) {
@@ -209,8 +218,10 @@ void mark_changes(const Picture& still, const Picture& moved, double slice_dista
 } // namespace
 
 Picture render(const Scene& scene, const Camera& camera, Size size, const Request& request) {
+    scene.validate();
+    const CountedScene counted(scene);
     return std::move(
-        draw(scene, camera, size, request, 1.0 + request.nudge_radius, {{request.nudge_rho, request.nudge_stop}})
+        draw(counted, camera, size, request, 1.0 + request.nudge_radius, {{request.nudge_rho, request.nudge_stop}})
             .front());
 }
 
@@ -224,6 +235,7 @@ std::vector<unsigned char> ambiguous_pixels(const Scene& scene, const Camera& ca
     if (is_scalar(scene.mode)) {
         return marks;
     }
+    const CountedScene counted(scene);
     Request quiet = request;
     quiet.coverage = false;
     double done_before = 0.0;
@@ -231,7 +243,7 @@ std::vector<unsigned char> ambiguous_pixels(const Scene& scene, const Camera& ca
         quiet.progress = [&](double done) { return request.progress((done_before + done) / 3.0); };
     }
     const Nudge still{request.nudge_rho, request.nudge_stop};
-    const std::vector<Picture> same_radius = draw(scene, camera, size, quiet, 1.0 + request.nudge_radius,
+    const std::vector<Picture> same_radius = draw(counted, camera, size, quiet, 1.0 + request.nudge_radius,
                                                   {still,
                                                    {still.rho + little, still.stop},
                                                    {still.rho - little, still.stop},
@@ -243,7 +255,7 @@ std::vector<unsigned char> ambiguous_pixels(const Scene& scene, const Camera& ca
     for (const double sign : {-1.0, 1.0}) {
         done_before += 1.0;
         const Picture moved =
-            std::move(draw(scene, camera, size, quiet, 1.0 + request.nudge_radius + sign * little, {still}).front());
+            std::move(draw(counted, camera, size, quiet, 1.0 + request.nudge_radius + sign * little, {still}).front());
         mark_changes(same_radius.front(), moved, scene.slice_distance(), marks);
     }
     return marks;

@@ -21,11 +21,12 @@ Vec3 gradient_eye(const Screen& screen, const Sheet& before, const Sheet& here, 
     return {dx, dy, screen.slope_x(column) * dx + screen.slope_y(row) * dy - over_depth};
 }
 
-Shader::Shader(const Scene& scene, const Camera& camera)
-    : material_(scene.material), shadows_(scene.shadows), occlusion_(scene.ambient_occlusion.has_value()) {
+Shader::Shader(const CountedScene& counted, const Camera& camera)
+    : material_(counted.scene().material), shadows_(counted.scene().shadows),
+      occlusion_(counted.scene().ambient_occlusion.has_value()) {
+    const Scene& scene = counted.scene();
     for (const Group& group : scene.groups()) {
-        const TransferFunction& function = *group.transfer_function;
-        weakest_gradients_.push_back(1e-3 * (function.v_max() - function.v_min()));
+        weakest_gradients_.push_back(counted.weakest_difference(group));
     }
     for (const Light& light : scene.lights) {
         Vec3 direction = light.direction;

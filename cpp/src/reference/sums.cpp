@@ -12,6 +12,7 @@
 #include "base/checks.hpp"
 #include "base/memory.hpp"
 #include "reference/reference.hpp"
+#include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat::reference {
@@ -30,11 +31,11 @@ std::size_t pixels_with_border(const Screen& screen) {
 }
 
 // Were all kernels at one point, its sums would be these at most.
-void require_finite_sums(const Field& field) {
+void require_finite_sums(const Field& field, std::uint64_t kernels) {
     const auto* ellipsoids = as_ellipsoids(&field);
     const std::array<double, 2> values = field.value_range();
     const double weight = ellipsoids != nullptr ? ellipsoids->weight_range()[1] : 1.0;
-    const double most = weight * static_cast<double>(field.size());
+    const double most = weight * static_cast<double>(kernels);
     const double largest = most * std::max(std::abs(values[0]), std::abs(values[1]));
     if (!is_finite(most) || !is_finite(largest)) {
         throw InvalidInput(Complaint{"the field cannot be summed",
@@ -47,34 +48,43 @@ void require_finite_sums(const Field& field) {
 
 } // namespace
 
-Sheet::Sheet(const Screen& screen, bool weights, bool gradients)
+Sheet::Sheet(const Screen& screen, const Wanted& wanted)
     : rho(pixels_with_border(screen)), reached(pixels_with_border(screen)),
-      weight(weights ? pixels_with_border(screen) : 0), gradient(gradients ? pixels_with_border(screen) : 0),
+      weight(wanted.weights ? pixels_with_border(screen) : 0), counts(wanted.counts ? pixels_with_border(screen) : 0),
+      gradient(wanted.gradients ? pixels_with_border(screen) : 0),
       stride_(static_cast<std::size_t>(screen.width() + 2)) {}
 
 void Sheet::clear() {
     std::fill(rho.begin(), rho.end(), 0.0);
     std::fill(reached.begin(), reached.end(), static_cast<unsigned char>(0));
     std::fill(weight.begin(), weight.end(), 0.0);
+    std::fill(counts.begin(), counts.end(), static_cast<unsigned char>(0));
     std::fill(gradient.begin(), gradient.end(), Vec3(0.0));
 }
 
 SheetSums::SheetSums(const Sheet& like)
-    : d(like.rho.size()), w(like.rho.size()), slope_d(like.gradient.size()), slope_w(like.gradient.size()),
-      plateau(like.rho.size()) {}
+    : d(like.rho.size()), w(like.rho.size()), reached(like.rho.size()), slope_d(like.gradient.size()),
+      slope_w(like.gradient.size()), plateau(like.rho.size()) {}
 
 void SheetSums::clear() {
     std::fill(d.begin(), d.end(), 0.0);
     std::fill(w.begin(), w.end(), 0.0);
+    std::fill(reached.begin(), reached.end(), static_cast<unsigned char>(0));
     std::fill(slope_d.begin(), slope_d.end(), Vec3(0.0));
     std::fill(slope_w.begin(), slope_w.end(), Vec3(0.0));
     std::fill(plateau.begin(), plateau.end(), std::numeric_limits<double>::quiet_NaN());
 }
 
 Normaliser::Normaliser(const Field& field, double radius_factor)
-    : normalization_(field.normalization()), w0_(field.w0()),
+    : normalization_(field.normalization()), w0_(field.w0()), least_weight_(field.least_weight()),
       // C is the kernel's mass, which follows its radius; the filter keeps it.
-      lattice_constant_(WorldKernels(field).lattice_constant() * radius_factor * radius_factor * radius_factor) {}
+      lattice_constant_(WorldKernels(field).lattice_constant() * radius_factor * radius_factor * radius_factor) {
+    if (least_weight_ > 0.0) {
+        // Of lattices with holes both are C / 2.
+        w0_ *= radius_factor * radius_factor * radius_factor;
+        least_weight_ *= radius_factor * radius_factor * radius_factor;
+    }
+}
 
 double Normaliser::rho(double d, double w) const {
     switch (normalization_) {
@@ -101,12 +111,13 @@ Vec3 Normaliser::gradient(double d, double w, const Vec3& slope_d, const Vec3& s
     return slope_d;
 }
 
-FieldSums::FieldSums(const Field& field, const Scene& scene, const Camera& camera, const Screen& screen,
-                     const Slices& slices, double radius_factor, ZeroKernels zero_kernels)
+FieldSums::FieldSums(const Field& field, const Clip& end, const Scene& scene, const Camera& camera,
+                     const Screen& screen, const Slices& slices, double radius_factor, ZeroKernels zero_kernels)
     : screen_(screen), slices_(slices), sampling_(scene.sampling), reference_distance_(scene.reference_distance()),
-      zero_kernels_(zero_kernels), eye_kernels_(field, scene, camera, screen, radius_factor),
+      zero_kernels_(zero_kernels), scalar_(is_scalar(scene.mode)), base_(field.base()),
+      end_(end, camera, scene.slice_distance()), eye_kernels_(field, scene, camera, screen, radius_factor),
       profile_(field.kernel().falloff), normaliser_(field, radius_factor), next_(slices.first) {
-    require_finite_sums(field);
+    require_finite_sums(field, WorldKernels(field).numbers());
     sort_kernels();
 }
 
@@ -257,7 +268,7 @@ void FieldSums::splat(const EyeKernel& kernel, std::int64_t n, SheetSums& sums, 
                 sums.slope_d[at] += kernel.value * slope;
                 sums.slope_w[at] += kernel.weight * slope;
             }
-            sheet.reached[at] = 1;
+            sums.reached[at] = 1;
         }
     }
 }
@@ -275,21 +286,41 @@ void FieldSums::add_next(Sheet& sheet, SheetSums& sums) {
     }
     held_.erase(std::remove_if(held_.begin(), held_.end(), [n](const Held& held) { return held.last <= n; }),
                 held_.end());
+    for (int row = -1; row <= screen_.height(); ++row) {
+        for (int column = -1; column <= screen_.width(); ++column) {
+            add(n, column, row, sums, sheet);
+        }
+    }
+}
+
+void FieldSums::add(std::int64_t n, int column, int row, const SheetSums& sums, Sheet& sheet) const {
+    const std::size_t at = sheet.index(column, row);
+    const double w = sums.w[at];
     // D / W of a plateau is its value, and has no gradient: under a transfer function of one value rounding would be
     // lit.
-    const auto is_plateau = [&](std::size_t pixel) {
-        return normaliser_.divides_by(sums.w[pixel]) && std::isfinite(sums.plateau[pixel]);
-    };
-    for (std::size_t pixel = 0; pixel < sheet.rho.size(); ++pixel) {
-        sheet.rho[pixel] += is_plateau(pixel) ? sums.plateau[pixel] : normaliser_.rho(sums.d[pixel], sums.w[pixel]);
+    const bool plateau = normaliser_.divides_by(w) && std::isfinite(sums.plateau[at]);
+    const double rho = plateau ? sums.plateau[at] : normaliser_.rho(sums.d[at], w);
+    const bool inside = end_.keeps(screen_.point(column, row, slices_.depth(n)));
+    // What is classified is read by gradients, too, for which a field ends nowhere.
+    if (!scalar_) {
+        sheet.rho[at] += rho;
+    } else if (inside) {
+        sheet.rho[at] += base_ + rho;
     }
-    for (std::size_t pixel = 0; pixel < sheet.gradient.size(); ++pixel) {
-        sheet.gradient[pixel] += is_plateau(pixel) ? Vec3(0.0)
-                                                   : normaliser_.gradient(sums.d[pixel], sums.w[pixel],
-                                                                          sums.slope_d[pixel], sums.slope_w[pixel]);
+    if (!sheet.gradient.empty() && !plateau) {
+        sheet.gradient[at] += normaliser_.gradient(sums.d[at], w, sums.slope_d[at], sums.slope_w[at]);
     }
-    for (std::size_t pixel = 0; pixel < sheet.weight.size(); ++pixel) {
-        sheet.weight[pixel] += sums.w[pixel];
+    if (!inside) {
+        return;
+    }
+    if (sums.reached[at] != 0 && !(w < normaliser_.least_weight())) {
+        sheet.reached[at] = 1;
+        if (!sheet.counts.empty() && w > 0.0) {
+            sheet.counts[at] = 1;
+        }
+    }
+    if (!sheet.weight.empty()) {
+        sheet.weight[at] += w;
     }
 }
 

@@ -12,12 +12,15 @@
 
 namespace sheetsplat::reference {
 
-Surroundings::Surroundings(const Scene& scene, const Camera& camera, const Screen& screen, const Clipping& clipping,
-                           double radius_factor)
-    : scene_(scene), clipping_(clipping), groups_(scene.groups()), spacing_(scene.slice_distance()),
-      lengths_(scene.slice_distance() / scene.reference_distance()) {
-    for (const auto& field : scene.fields) {
-        fields_.emplace_back(*field, scene, camera, screen, radius_factor);
+Surroundings::Surroundings(const CountedScene& counted, const Camera& camera, const Screen& screen,
+                           const Clipping& clipping, double radius_factor)
+    : counted_(counted), scene_(counted.scene()), clipping_(clipping), groups_(scene_.groups()),
+      spacing_(scene_.slice_distance()), lengths_(scene_.slice_distance() / scene_.reference_distance()) {
+    for (std::size_t group = 0; group < groups_.size(); ++group) {
+        ends_.emplace_back(counted.end_of_group(group), camera, spacing_);
+    }
+    for (const auto& field : scene_.fields) {
+        fields_.emplace_back(*field, scene_, camera, screen, radius_factor);
         const Box& box = fields_.back().supports_eye();
         if (!box.empty()) {
             supports_eye_ = supports_eye_.empty() ? box
@@ -25,9 +28,9 @@ Surroundings::Surroundings(const Scene& scene, const Camera& camera, const Scree
                                                         glm::max(supports_eye_.upper, box.upper)};
         }
     }
-    if (scene.ambient_occlusion) {
+    if (scene_.ambient_occlusion) {
         // A radius of whole slice distances may come out a little short.
-        occlusion_steps_ = std::max(1.0, std::floor(scene.ambient_occlusion->radius / spacing_ + 1e-6));
+        occlusion_steps_ = std::max(1.0, std::floor(scene_.ambient_occlusion->radius / spacing_ + 1e-6));
     }
     std::size_t next = 0;
     for (int x = -1; x <= 1; ++x) {
@@ -62,8 +65,10 @@ double Surroundings::steps_to_end(const Vec3& point_eye, const Vec3& direction) 
 Surroundings::Place Surroundings::look_at(const Vec3& point_eye, double nudge) const {
     Place place;
     place.kept = clipping_.keeps(point_eye);
-    for (const Group& group : groups_) {
+    for (std::size_t number = 0; number < groups_.size(); ++number) {
+        const Group& group = groups_[number];
         GroupValue value;
+        value.ended = !ends_[number].keeps(point_eye);
         for (std::size_t field = group.first; field < group.last; ++field) {
             const PointSums::Value one = fields_[field].at(point_eye);
             value.rho += one.rho;
@@ -79,7 +84,7 @@ double Surroundings::left_at(const Place& place) const {
     double left = 1.0;
     for (std::size_t group = 0; place.kept && group < groups_.size(); ++group) {
         const GroupValue& value = place.groups[group];
-        if (!value.empty) {
+        if (!value.empty && !value.ended) {
             left *= 1.0 - opacity_over(look_up(*groups_[group].transfer_function, value.rho).opacity, lengths_);
         }
     }
@@ -92,7 +97,10 @@ double Surroundings::left_between(const Place& front, const Place& back) const {
         return left;
     }
     for (std::size_t group = 0; group < groups_.size(); ++group) {
-        for (const IsoValue& iso : scene_.iso_values) {
+        if (front.groups[group].ended || back.groups[group].ended) {
+            continue;
+        }
+        for (const IsoValue& iso : counted_.iso_values(group)) {
             if ((front.groups[group].rho < iso.value) != (back.groups[group].rho < iso.value)) {
                 left *= 1.0 - iso.opacity;
             }

@@ -207,6 +207,25 @@ bool has_window_of_one_value(const Scene& scene) {
     return std::any_of(groups.begin(), groups.end(), [](const Group& group) { return has_window_of_one_value(group); });
 }
 
+std::vector<IsoValue> iso_values_of(const Scene& scene, std::size_t group) {
+    std::vector<IsoValue> values = scene.iso_values;
+    for (IsoValue& iso : values) {
+        iso.value -= scene.counted ? scene.counted->bases[group] : 0.0;
+    }
+    return values;
+}
+
+double weakest_difference(const Scene& scene, const Group& group) {
+    constexpr double share_of_window = 1e-3, windows_of_range = 4096.0;
+    double range = 0.0;
+    for (std::size_t field = group.first; field < group.last; ++field) {
+        const std::array<double, 2> values = scene.fields[field]->value_range();
+        range = std::max(range, values[1] - values[0]);
+    }
+    const double window = group.transfer_function->v_max() - group.transfer_function->v_min();
+    return share_of_window * std::max(window, range / windows_of_range);
+}
+
 std::size_t group_drawn_of(const Scene& scene, std::size_t field) {
     if (is_scalar(scene.mode)) {
         return 0;

@@ -5,6 +5,8 @@
 
 #include <glm/geometric.hpp>
 
+#include "scene/mode_rules.hpp"
+
 namespace sheetsplat {
 
 namespace {
@@ -31,6 +33,8 @@ std::int32_t SlicesInFront::last(int column, int row) const {
 
 KeptSlices::KeptSlices(const Scene& scene, const DrawPlan& plan, const Camera& camera, const Frame& frame)
     : axis_x_(frame.axis_x), axis_y_(frame.axis_y), pixel_(frame.pixel), lowest_(-rounding * frame.slice_spacing),
+      least_(uses_intervals(plan.mode, plan.preintegration) ? -no_end : 0.0),
+      most_(uses_intervals(plan.mode, plan.preintegration) ? no_end : static_cast<double>(frame.slices - 1)),
       in_front_(plan.depth_limit && scene.depth_limit ? &*scene.depth_limit : nullptr, frame) {
     const double spacing = frame.slice_spacing;
     const double depth = frame.first_depth;
@@ -56,7 +60,7 @@ KeptSlices::KeptSlices(const Scene& scene, const DrawPlan& plan, const Camera& c
 SliceRun KeptSlices::at(int column, int row) const {
     const double x = (column + 0.5 - axis_x_) * pixel_;
     const double y = (axis_y_ - row - 0.5) * pixel_;
-    double first = -no_end, last = in_front_.last(column, row);
+    double first = least_, last = std::min(static_cast<double>(in_front_.last(column, row)), most_);
     for (const Plane& plane : planes_) {
         const double start = plane.start.at(x, y) - lowest_;
         const double step = plane.step.at(x, y);

@@ -18,8 +18,6 @@ constexpr double smallest_stop = 1.2e-38;
 /// stays within float32.
 constexpr double shortest_cue = 1e-6;
 constexpr double largest_factor = 1e30;
-/// g0 as a share of the range of the transfer function a reference length (conventions, section 5).
-constexpr double weakest_share = 1e-3;
 
 ShadingInputs::EyeLight in_eye_space(const Light& light, const Camera& camera) {
     // Scaled first: the length of a direction may be beyond float64's squares.
@@ -29,17 +27,20 @@ ShadingInputs::EyeLight in_eye_space(const Light& light, const Camera& camera) {
 }
 
 ShadingInputs::OfGroup inputs_of(const Scene& scene, const Group& group, const Frame& frame, const DrawPlan& plan,
-                                 double pivot) {
+                                 double pivot, const std::vector<IsoValue>& iso_values) {
     const TransferFunction& function = *group.transfer_function;
     const double unit = plan.unit_of(group.first);
     ShadingInputs::OfGroup inputs;
     if (plan.mode == Mode::isosurface) {
-        for (const IsoValue& iso : scene.iso_values) {
+        for (const IsoValue& iso : iso_values) {
             inputs.surfaces.push_back({(iso.value - pivot) / unit, function.at(iso.value).color, iso.opacity});
         }
     }
     if (plan.gradient) {
-        inputs.weakest_gradient = weakest_share * (function.v_max() - function.v_min()) / unit;
+        inputs.weakest_gradient = weakest_difference(scene, group) / unit;
+    }
+    if (group.last - group.first == 1) {
+        inputs.least_weight = scene.fields[group.first]->least_weight();
     }
     if (plan.gradient_opacity) {
         inputs.full_gradient = *scene.gradient_opacity / unit * frame.reference_length;
@@ -60,7 +61,9 @@ ShadingInputs make_shading_inputs(const Scene& scene, const Camera& camera, cons
 
     for (const Group& group : groups_drawn(scene)) {
         const double pivot = pivots.empty() ? 0.0 : pivots[inputs.groups.size()];
-        inputs.groups.push_back(inputs_of(scene, group, frame, plan, pivot));
+        const std::vector<IsoValue> iso_values =
+            is_scalar(plan.mode) ? std::vector<IsoValue>{} : iso_values_of(scene, inputs.groups.size());
+        inputs.groups.push_back(inputs_of(scene, group, frame, plan, pivot, iso_values));
     }
     inputs.material = scene.material;
     inputs.material.shininess = std::min(inputs.material.shininess, largest_factor);

@@ -7,6 +7,8 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
+#include "scene/mode_rules.hpp"
+
 namespace sheetsplat {
 
 namespace {
@@ -122,7 +124,7 @@ double SurfaceLines::left_along(const LightVolumes& volumes, const Vec3& place, 
 SurfaceLines make_surface_lines(const Scene& scene, const Camera& camera, const LightVolume& grid, double slice_spacing,
                                 double value_unit) {
     SurfaceLines lines;
-    for (const IsoValue& iso : scene.iso_values) {
+    for (const IsoValue& iso : iso_values_of(scene, 0)) {
         if (iso.opacity > 0.0) {
             const double absorption = iso.opacity < 1.0 ? -std::log1p(-iso.opacity) / std::log(2.0) : lines.opaque;
             lines.surfaces.push_back({iso.value / value_unit, std::min(absorption, lines.opaque)});

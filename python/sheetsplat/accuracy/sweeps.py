@@ -150,6 +150,7 @@ def cut_off(one: Field, cut: float) -> Field:
             w0=one.w0,
             falloff=one.falloff * cut**2,
             cell_volume=one.cell_volume,
+            base=one.base,
         )
     raise complain("the kernels cannot be cut off", type(one).__name__, "a regular or a scattered field")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,12 +16,15 @@ from sheetsplat.bricks.needs import bricked_field, one_backend
 from sheetsplat.camera import Camera
 from sheetsplat.fields import Field, RegularField
 from sheetsplat.framing import compose_camera, fitting_depth_cue
+from sheetsplat.look.automatic import choose
 from sheetsplat.look.decades import in_decades
+from sheetsplat.look.histogram import stride_of
 from sheetsplat.look.strays import without_strays
 from sheetsplat.notices import muted
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import MODES, definitions, pick, pick_given
 from sheetsplat.options.data import OpenOptions
+from sheetsplat.options.look import DEFAULT_CMAP
 from sheetsplat.options.picture import LookOptions
 from sheetsplat.quality.choose import Choice
 from sheetsplat.renderer import Renderer
@@ -29,6 +32,11 @@ from sheetsplat.scene import Scene
 
 #: How many steps are looked at.
 LOOKED_AT = 8
+Limits = tuple[float, float]
+# Percentiles of a step's samples, its background and nearly its highest; a background that drifts by this share of the
+# usual distance between them is followed.
+_LEVELS = (10.0, 99.9)
+_FAR = 0.25
 _KERNEL = ("radius", "falloff", "prefilter")
 
 
@@ -80,14 +88,40 @@ def _largest(volumes: Sequence[RegularField]) -> RegularField:
     return volumes[0].replace(peak)
 
 
+def _drift(volumes: Sequence[RegularField], look: Mapping[str, Any], floor: float | None) -> tuple[Any, Limits] | None:
+    """Return a colormap and limits for all steps where opacities have to follow their backgrounds, else None.
+
+    Where the background drifts so far that what is an object in one step is background in another, no opacity suits
+    both. Who gives limits or opacities has chosen.
+    """
+    chosen = any(look.get(name) is not None for name in ("clim", "opacity", "transfer_function"))
+    if chosen or floor is not None or look.get("mode", "composite") != "composite":
+        return None
+    levels = []
+    for one in volumes:
+        picked = one.samples.every(stride_of(one.size)).astype(np.float64)
+        known = picked[~np.isnan(picked)]
+        if known.size:
+            levels.append(np.percentile(known, _LEVELS))
+    if not levels:
+        return None
+    lows, highs = np.transpose(levels)
+    if not float(np.ptp(lows)) > _FAR * float(np.median(highs - lows)):
+        return None
+    looks = [choose([one]) for one in volumes]
+    limits = min(one.clim[0] for one in looks), max(one.clim[1] for one in looks)
+    cmap = look.get("cmap") or looks[len(looks) // 2].cmap or DEFAULT_CMAP
+    return cmap, limits
+
+
 def one_look(
     steps: Steps, options: dict[str, Any], camera: Camera | None
 ) -> tuple[SharedLook, Camera, tuple[int, int], Renderer]:
     """Return what all steps share, the camera, the size and the renderer.
 
     Volumes on one lattice are looked at together: range and opacity by the samples of all of them, the camera by the
-    largest sample at each place. Of other data the range is that of the step with the widest one, and the camera shows
-    all steps that are looked at.
+    largest sample at each place. Where their background drifts opacities are those of each step. Of other data the
+    range is that of the step with the widest one, and the camera shows all steps that are looked at.
     """
     of_data = {name: one for name, one in options.items() if name in definitions(OpenOptions) and name != "quality"}
     rest = {name: one for name, one in options.items() if name not in of_data}
@@ -123,10 +157,11 @@ def one_look(
     if kernel is not None and isinstance(shared, RegularField):
         shared = shared.replace(**kernel)
     picture = api.prepare(shared, **{**rest, **placed, "log": False})
+    colors = None if volumes is None else _drift(volumes, look, floor)
     scene = picture.scene
     seen = picture.camera
     if camera is None:
-        opened = SharedLook(scene, {}, kernel, floor, look)
+        opened = SharedLook(scene, {}, kernel, floor, look, colors)
         with muted():
             everything = [_largest(volumes)] if volumes is not None else alone
             shown = [opened.of(one).fields[0] for one in everything]
@@ -134,7 +169,7 @@ def one_look(
         if is_auto(options.get("depth_cue")):
             scene = scene.replace(depth_cue=fitting_depth_cue(scene, seen)).with_quality(scene.quality)
     scene, renderer = settled(api.Prepared(scene, seen, picture.size, picture.renderer))
-    return SharedLook(scene, of_data, kernel, floor, look), seen, picture.size, renderer
+    return SharedLook(scene, of_data, kernel, floor, look, colors), seen, picture.size, renderer
 
 
 def _width(field: Field) -> float:

@@ -14,9 +14,11 @@ import numpy as np
 from sheetsplat import api
 from sheetsplat.errors import complain
 from sheetsplat.fields import Field, RegularField
+from sheetsplat.look.automatic import choose
 from sheetsplat.look.decades import logarithmic
 from sheetsplat.look.strays import without_strays
 from sheetsplat.scene import Scene
+from sheetsplat.transfer import TransferFunction
 
 
 class Source(Protocol):
@@ -65,6 +67,9 @@ class SharedLook:
         The value from which decades count, where the look shows logarithms that nobody asked for.
     given
         The options of the look that were given, for what is left out.
+    colors
+        A colormap and its limits, with which each step has opacities by its own histogram; None: the scene's
+        transfer function for all.
     """
 
     scene: Scene
@@ -72,6 +77,7 @@ class SharedLook:
     kernel: Mapping[str, Any] | None = None
     floor: float | None = None
     given: Mapping[str, Any] = field(default_factory=dict)
+    colors: tuple[Any, tuple[float, float]] | None = None
 
     def of(self, data: Any, options: Mapping[str, Any] | None = None) -> Scene:
         """Return the scene of a step; `options` of `sheetsplat.open` choose it among those of a file."""
@@ -98,9 +104,12 @@ class SharedLook:
         return self._scene([[next(rest) for _ in group] for group in groups])
 
     def _scene(self, fields: Sequence[Any]) -> Scene:
-        made = self.scene.replace(
-            field=fields, slice_spacing=self.scene.slice_spacing, reference_length=self.scene.reference_length
-        )
+        look: dict[str, Any] = {}
+        if self.colors is not None:
+            cmap, limits = self.colors
+            look["transfer_function"] = TransferFunction.from_colormap(cmap, choose(fields).opacity, limits)
+        lengths = {"slice_spacing": self.scene.slice_spacing, "reference_length": self.scene.reference_length}
+        made = self.scene.replace(field=fields, **look, **lengths)
         return made.with_quality(self.scene.quality)
 
 

@@ -57,7 +57,13 @@ def native_part(
         options["opacity_stop"] = 1.0
     native = Scene.of_checked(field, view.transfer_function, options).native
     return native.with_part(
-        cell=view.cell(number), centres=view.whole.centres, depths=depths, in_front=in_front, light=light
+        cell=view.cell(number),
+        centres=view.whole.centres,
+        depths=depths,
+        in_front=in_front,
+        domain=view.whole.domain,
+        filled=view.whole.is_filled,
+        light=light,
     )
 
 
@@ -139,7 +145,7 @@ def draw_brick(
     scalar = of(image.scalar, np.float64 if view.mode in ("xray", "average") else np.float32)
     counts = of(image.counts)
     if view.mode == "average" and scalar is not None and counts is not None:
-        scalar = scalar * counts
+        scalar = np.where(counts > 0, scalar, 0.0) * counts
     return Partial(
         view.mode,
         rect,

@@ -116,7 +116,8 @@ def _of_pictures(
 ) -> ErrorEstimate:
     """Return the estimate: `further` are at half the slice distance, in float64, and without a stop."""
     finer, exact, whole = further
-    largest = 1.0 if finer.scalar is None else max(1.0, float(finer.scalar.max(initial=0.0)))
+    known = np.zeros(0) if finer.scalar is None else finer.scalar[np.isfinite(finer.scalar)]
+    largest = max(1.0, float(np.abs(known).max(initial=0.0)))
     smooth = view.mode in ("mip", "minimum", "isosurface") or (
         view.mode == "composite" and bool(view.options["preintegration"])
     )
@@ -149,6 +150,8 @@ def _squares(one: Finished, other: Finished, scale: float) -> NDArray[np.float64
     first, second = (picture.scalar if picture.rgba is None else picture.rgba for picture in (one, other))
     assert first is not None and second is not None
     found = np.square((first.astype(np.float64) - second) / scale)
+    # Where neither is a number they are the same.
+    found[np.isnan(first) & np.isnan(second)] = 0.0
     result: NDArray[np.float64] = found if found.ndim == 2 else found.mean(axis=2)
     return result
 

@@ -26,7 +26,7 @@ from sheetsplat.io.source import Source
 
 #: Options that say what of a table is read, and which kernels it becomes.
 READING = ("scalar", "particles", "support")
-KERNELS = ("normalization", "w0", "falloff", "min_scale")
+KERNELS = ("normalization", "w0", "falloff", "min_scale", "base")
 # Rows of a piece, at most; of Parquet a piece is a row group.
 _ROWS = 1 << 20
 # Weights that are all 0 in a piece need not be so in all.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
 from typing import Any, cast
@@ -11,15 +12,27 @@ from numpy.typing import NDArray
 
 from sheetsplat._checks import Bounds, Triple
 from sheetsplat.errors import complain
-from sheetsplat.fields import Normalization, RegularField
-from sheetsplat.fields.regular import Lattice, NanPolicy
-from sheetsplat.ripple import lattice_constant, lattice_ripple
+from sheetsplat.fields import BrickedField, Normalization, RegularField, ending
+from sheetsplat.fields.ending import DOMAIN, lattice_constant
+from sheetsplat.fields.regular import Boundary, Lattice, NanPolicy
+from sheetsplat.ripple import lattice_ripple
 
 #: First and last index, the last one outside, along k, j, i.
 Box = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
+_Ends = tuple[float, float]
 
 #: Coefficients are the same within 1e-8 of the largest sample this many samples away from where a volume was cut.
 PREFILTER_MARGIN = 24
+# The farthest that a point can be from the samples around it, in sample distances (BCC: in a/√2).
+_FARTHEST = {"cartesian": 0.8660254037844387, "bcc": 0.7905694150420949}
+
+
+def _mirrored(numbers: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Return which of so many samples are mirrored at the first and the last one, as often as it takes."""
+    if count == 1:
+        return np.zeros_like(numbers)
+    at = numbers % (2 * (count - 1))
+    return np.where(at < count, at, 2 * (count - 1) - at)
 
 
 @dataclass(frozen=True)
@@ -30,8 +43,14 @@ class LatticeSpec:
     ----------
     shape
         (nk, nj, ni) of the whole volume.
-    spacing, origin, lattice, radius, falloff, normalization, w0, nan, prefilter
+    spacing, origin, lattice, radius, falloff, normalization, w0, nan, prefilter, boundary
         As for `RegularField`.
+    base
+        The value that all are counted from.
+    has_holes
+        Whether samples are missing (NaN).
+
+    Indices of samples may go beyond the volume: there are its mirrored samples, where it has some.
     """
 
     shape: tuple[int, int, int]
@@ -44,6 +63,9 @@ class LatticeSpec:
     w0: float = 1.0
     nan: NanPolicy = "error"
     prefilter: bool = False
+    boundary: Boundary = "edge"
+    base: float = 0.0
+    has_holes: bool = False
 
     @classmethod
     def of(cls, field: RegularField) -> LatticeSpec:
@@ -59,6 +81,9 @@ class LatticeSpec:
             w0=field.w0,
             nan=cast(NanPolicy, field.nan),
             prefilter=field.prefilter,
+            boundary=cast(Boundary, field.boundary),
+            base=field.base,
+            has_holes=field.survey.missing > 0 if isinstance(field, BrickedField) else field.native.has_holes,
         )
 
     @property
@@ -84,8 +109,8 @@ class LatticeSpec:
 
     @property
     def largest_sum(self) -> float:
-        """Largest scalar that kernels of factor 1 add up to."""
-        if self.normalization == "threshold":
+        """Largest scalar, counted from the base, that kernels of factor 1 add up to."""
+        if self.normalization == "threshold" or self.least_weight > 0.0:
             return 1.0
         ripple = lattice_ripple(self.radius, self.falloff, lattice=self.lattice, normalization="none")
         plain = self.normalization == "none" or self.prefilter
@@ -101,6 +126,115 @@ class LatticeSpec:
         last = (ni - 1 + moved, nj - 1 + moved, nk - 1.0)
         x, y, z = (o + step * n for o, step, n in zip(self.origin, self.steps, last, strict=True))
         return self.origin, (x, y, z)
+
+    @property
+    def ends(self) -> bool:
+        """Whether the volume ends at its boundary, with mirrored samples beyond."""
+        return ending.ends(self.shape, self.lattice, self.boundary)
+
+    @property
+    def least_weight(self) -> float:
+        """Points where kernels add up to less are empty: beside missing samples."""
+        divided = self.normalization == "lattice" and not self.prefilter
+        if not (self.ends and self.has_holes and divided):
+            return 0.0
+        return ending.least_weight(self.radius, self.falloff, self.lattice)
+
+    @property
+    def fills(self) -> bool:
+        """Whether kernels reach every point of the domain."""
+        return self.ends and not self.has_holes and self.radius > _FARTHEST[self.lattice]
+
+    @property
+    def _layer(self) -> Triple:
+        """World units from one layer of samples to the next along x, y, z: half an edge of a BCC lattice."""
+        return ending.layer_spacing(self.lattice, self.spacing)
+
+    @property
+    def _layers(self) -> tuple[int, int, int]:
+        """Number of layers of samples along x, y, z."""
+        return ending.layer_counts(self.shape, self.lattice)
+
+    @property
+    def _radius_in_layers(self) -> float:
+        return self.radius * math.sqrt(2.0) if self.lattice == "bcc" else self.radius
+
+    @property
+    def _beyond(self) -> int:
+        """Layers of mirrored samples beyond each end whose supports reach into the domain."""
+        return math.ceil(self._radius_in_layers + DOMAIN) - 1 if self.ends else 0
+
+    @property
+    def mirrored(self) -> tuple[int, int, int]:
+        """Mirrored samples beyond each end along k, j, i."""
+        layers = self._beyond
+        if self.lattice == "bcc" and layers:
+            # Whole edges of two layers, so that even layers stay even.
+            return 2 * ((layers + 1) // 2), (layers + 2) // 2, (layers + 2) // 2
+        return layers, layers, layers
+
+    @property
+    def domain(self) -> Bounds | None:
+        """Where the volume ends; None: nowhere."""
+        return ending.domain(self.shape, self.lattice, self.boundary, self.spacing, self.origin)
+
+    def supports(self, centres: Bounds) -> Bounds:
+        """Return the box around the supports of all kernels; `centres`: the box of those that are no mirrored ones."""
+        lower, upper = [], []
+        domain = self.domain
+        for axis, (low, high) in enumerate(zip(*centres, strict=True)):
+            reach = self.semi_axes[axis]
+            if domain is not None:
+                # A mirrored sample is as far from the outermost layer as its own sample.
+                most, half = self._beyond * self._layer[axis], DOMAIN * self._layer[axis]
+                first, last = domain[0][axis] + half, domain[1][axis] - half
+                low = first - most if low <= first + most else low
+                high = last + most if high >= last - most else high
+            lower.append(low - reach)
+            upper.append(high + reach)
+        return tuple(lower), tuple(upper)  # type: ignore[return-value]
+
+    def reach_along(self, centres: Bounds, eye: NDArray[np.float64], direction: NDArray[np.float64]) -> _Ends:
+        """Return the least and the largest (x - eye) . direction of the places of all kernels, mirrored ones included.
+
+        Exact where no samples are missing; else bounds. `centres`: as for `supports`.
+        """
+        beyond, squared = self._beyond, self._radius_in_layers**2
+        numbers: list[list[tuple[list[int], int, int]]] = []
+        for axis in range(3):
+            layer, low, high = self._layer[axis], centres[0][axis], centres[1][axis]
+            first = round((low - self.origin[axis]) / layer)
+            last = round((high - self.origin[axis]) / layer)
+            count = self._layers[axis]
+            below = first if first > beyond else -beyond
+            above = last if last < count - 1 - beyond else count - 1 + beyond
+            # Beside the outermost layer there are the next ones: a BCC lattice has no sample at some corners.
+            ends = [
+                [n for n in range(below, above + 1) if n <= max(first, 0) + 2],
+                [n for n in range(below, above + 1) if n >= min(last, count - 1) - 2],
+            ]
+            numbers.append([(part, count, axis) for part in ends])
+        found = []
+        for sign in (-1.0, 1.0):
+            sides = [numbers[axis][int(sign * direction[axis] > 0)] for axis in range(3)]
+            best = -math.inf
+            places = [[self.origin[axis] + n * self._layer[axis] - eye[axis] for n in part] for part, _, axis in sides]
+            for at in itertools.product(*(range(len(part)) for part, _, _ in sides)):
+                layers = [part[n] for n, (part, _, _) in zip(at, sides, strict=True)]
+                if self.lattice == "bcc" and len({n % 2 for n in layers}) > 1:
+                    continue
+                outside = [
+                    max(0.0, -DOMAIN - n, n - (count - 1) - DOMAIN)
+                    for n, (_, count, _) in zip(layers, sides, strict=True)
+                ]
+                if beyond and sum(part * part for part in outside) >= squared:
+                    continue
+                place = sum(
+                    row[n] * along for row, n, along in zip(places, at, (sign * direction).tolist(), strict=True)
+                )
+                best = max(best, place)
+            found.append(sign * best)
+        return found[0], found[1]
 
     def face(self, axis: int, index: int) -> float:
         """Return the coordinate of the plane midway between samples index - 1 and index along x, y or z."""
@@ -121,24 +255,45 @@ class LatticeSpec:
                 (cell[1][axis] + reach - self.origin[axis]) / step,
             )
             moved = 0.5 if self.lattice == "bcc" and axis < 2 else 0.0
-            first = 0 if low <= 0 else min(math.floor(low - moved), count - 1)
-            last = count if high >= count - 1 else max(math.ceil(high) + 1, first + 1)
+            more = self.mirrored[2 - axis]
+            least, most = -more, count + more
+            first = least if low <= least else min(math.floor(low - moved), most - 1)
+            last = most if high >= most - 1 else max(math.ceil(high) + 1, first + 1)
             if self.lattice == "bcc" and axis == 2:
                 first -= first % 2
-            found.append((max(first, 0), min(last, count)))
+            found.append((max(first, least), min(last, most)))
         return found[0], found[1], found[2]
 
     def to_read(self, box: Box) -> Box:
-        """Return the samples that the kernels of a box depend on: with `prefilter` also others around them."""
-        if not self.prefilter:
-            return box
-        k, j, i = (
-            (max(first - PREFILTER_MARGIN, 0), min(last + PREFILTER_MARGIN, count))
-            for (first, last), count in zip(box, self.shape, strict=True)
-        )
-        if self.lattice == "bcc":
-            k = (k[0] - k[0] % 2, k[1])
+        """Return the samples of the volume that the kernels of a box depend on: with `prefilter` also others around."""
+        found = []
+        for array_axis, ((first, last), count) in enumerate(zip(box, self.shape, strict=True)):
+            if 0 <= first and last <= count:
+                least, most = first, last
+            else:
+                own = self.samples_of(array_axis, np.arange(first, last))
+                least, most = int(own.min()), int(own.max()) + 1
+            margin = PREFILTER_MARGIN if self.prefilter else 0
+            least, most = max(least - margin, 0), min(most + margin, count)
+            if self.lattice == "bcc" and array_axis == 0:
+                least -= least % 2
+                if self.ends:
+                    # A lattice of one layer would have no end.
+                    most = min(max(most, least + 2), count)
+            found.append((least, most))
+        k, j, i = found
         return k, j, i
+
+    def samples_of(self, array_axis: int, numbers: NDArray[np.int64], odd: int | None = None) -> NDArray[np.int64]:
+        """Return which samples along an axis of the array numbers of samples stand for, mirrored ones included.
+
+        Along the last two axes of a BCC lattice they differ in even and odd layers; both unless `odd` says which.
+        """
+        count = self.shape[array_axis]
+        if self.lattice != "bcc" or array_axis == 0:
+            return _mirrored(numbers, count)
+        both = [_mirrored(2 * numbers + n, 2 * count) // 2 for n in ((0, 1) if odd is None else (odd,))]
+        return np.concatenate(both)
 
     def field(self, samples: NDArray[Any], box: Box, value_range: tuple[float, float] | None = None) -> RegularField:
         """Return the field of a box of the samples, in their place in the world.
@@ -150,8 +305,8 @@ class LatticeSpec:
         box
             As `around` gives it.
         value_range
-            Range of the factors of all kernels of the whole volume, by which the picture's numbers are scaled: of the
-            samples, with `prefilter` of the coefficients.
+            Range of the factors of all kernels of the whole volume, counted from its base, by which the picture's
+            numbers are scaled: of the samples, with `prefilter` of the coefficients.
         """
         read = self.to_read(box)
         wanted = tuple(last - first for first, last in read)
@@ -164,24 +319,73 @@ class LatticeSpec:
             "spacing": self.spacing,
             "w0": self.w0,
             "nan": self.nan,
+            "base": self.base,
         }
+        found = None
+        if self.prefilter:
+            # Where the volume is cut the boundary does not matter, as far away as it is.
+            found = RegularField(samples, prefilter=True, boundary=self.boundary, **options)
+            options["normalization"] = "none"
+        elif self.least_weight > 0.0:
+            options |= {"normalization": "threshold", "w0": self.least_weight, "least_weight": self.least_weight}
+        else:
+            options["normalization"] = self.normalization
+        options["boundary"] = "zero"
         (k, _), (j, _), (i, _) = box
         origin = tuple(o + step * n for o, step, n in zip(self.origin, self.steps, (i, j, k), strict=True))
-        if not self.prefilter:
-            return RegularField.part(
-                samples, value_range=value_range, origin=origin, normalization=self.normalization, **options
-            )
-        found = RegularField(samples, prefilter=True, **options)
-        cut = tuple(slice(a - c, b - c) for (a, b), (c, _) in zip(box, read, strict=True))
+        if self._has_corners(box):
+            options["nan"] = "skip"
         return RegularField.part(
-            np.ascontiguousarray(samples[cut]),
-            coefficients=np.ascontiguousarray(found.coefficients[cut]),
-            figures=found.native.prefilter_figures,
+            self._within(samples, box, read),
+            coefficients=None if found is None else self._within(found.coefficients, box, read),
+            figures=None if found is None else found.native.prefilter_figures,
             value_range=value_range,
             origin=origin,
-            normalization="none",
             **options,
         )
+
+    def _has_corners(self, box: Box) -> bool:
+        """Return whether a box has mirrored samples without a kernel: beyond the volume along more than one axis.
+
+        Of BCC lattices along any: whole edges are mirrored.
+        """
+        outside = [first < 0 or last > count for (first, last), count in zip(box, self.shape, strict=True)]
+        return sum(outside) > (0 if self.lattice == "bcc" else 1)
+
+    def _within(self, samples: NDArray[Any], box: Box, read: Box) -> NDArray[Any]:
+        """Return the samples of a box, mirrored ones included, of those that were read."""
+        if all(a >= c and b <= d for (a, b), (c, d) in zip(box, read, strict=True)):
+            cut = tuple(slice(a - c, b - c) for (a, b), (c, _) in zip(box, read, strict=True))
+            return np.ascontiguousarray(samples[cut])
+        k, j, i = (np.arange(*ends) for ends in box)
+        layers = self.samples_of(0, k) - read[0][0]
+        if self.lattice == "bcc":
+            found = np.empty((len(k), len(j), len(i)), samples.dtype)
+            for odd in (0, 1):
+                rows, columns = (self.samples_of(n, at, odd) - read[n][0] for n, at in ((1, j), (2, i)))
+                found[odd::2] = samples[np.ix_(layers[odd::2], rows, columns)]
+        else:
+            rows, columns = (self.samples_of(n, at) - read[n][0] for n, at in ((1, j), (2, i)))
+            found = samples[np.ix_(layers, rows, columns)]
+        return self._without_corners(found, box) if self._has_corners(box) else found
+
+    def _without_corners(self, samples: NDArray[Any], box: Box) -> NDArray[Any]:
+        """Return samples with NaN where mirrored ones do not reach into the domain, and so have no kernel."""
+        found = samples if samples.dtype.kind == "f" else samples.astype(np.float32)
+        k, j, i = (np.arange(*ends, dtype=np.float64) for ends in box)
+        nx, ny, nz = self._layers
+
+        def outside(numbers: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+            return np.maximum(0.0, np.maximum(-DOMAIN - numbers, numbers - (count - 1) - DOMAIN)) ** 2
+
+        least = self._radius_in_layers**2
+        z = outside(k, nz)
+        for odd in (0, 1) if self.lattice == "bcc" else (0,):
+            part = slice(odd, None, 2) if self.lattice == "bcc" else slice(None)
+            x, y = (2.0 * i + odd, 2.0 * j + odd) if self.lattice == "bcc" else (i, j)
+            away = z[part, None, None] + outside(y, ny)[:, None] + outside(x, nx)
+            found[part][away >= least] = np.nan
+        return found
 
     def replace(self, **changes: Any) -> LatticeSpec:
         """Return the same with some attributes changed."""

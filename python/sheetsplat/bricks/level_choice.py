@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.fields import RegularField
 from sheetsplat.options.scene import surfaces_of
-from sheetsplat.quality.slicing import composited, phong
+from sheetsplat.quality.slicing import composited, phong, weakest_gradient
 
 Floats = NDArray[np.float64]
 
@@ -119,31 +119,33 @@ class _Lines:
 def _box_of(view: BrickView, number: int) -> tuple[Floats, Floats]:
     """Return what kernels reach of the cell of a brick."""
     cell, supports = np.asarray(view.partition.bricks[number].cell), np.asarray(view.whole.supports)
-    return np.maximum(cell[0], supports[:, 0].min(axis=0)), np.minimum(cell[1], supports[:, 1].max(axis=0))
+    lower, upper = view.whole.domain or (supports[:, 0].min(axis=0), supports[:, 1].max(axis=0))
+    return np.maximum(cell[0], lower), np.minimum(cell[1], upper)
 
 
 def _seen(view: BrickView, field: RegularField, lines: _Lines) -> Floats:
     """Return what lines show, (N, 4) premultiplied, or (N, 1) of scalar modes."""
     shape = lines.inside.shape
     line, at = np.nonzero(lines.inside)
-    scalars, gradients = np.zeros(len(line)), np.zeros((len(line), 3))
+    scalars, gradients, shown = np.zeros(len(line)), np.zeros((len(line), 3)), np.zeros(len(line), bool)
     lit = bool(view.options["lights"]) and not view.is_scalar
     for first in range(0, len(line), _AT_ONCE):
         part = slice(first, first + _AT_ONCE)
         points = lines.starts[line[part]] + lines.distances[at[part], None] * lines.along[line[part]]
         if lit:
-            scalars[part], gradients[part] = field.evaluate(points)
+            scalars[part], gradients[part], nearest = field.probe(points)
+            shown[part] = nearest >= 0
         else:
-            scalars[part] = field.at(points)
+            scalars[part], shown[part] = field.scalars_and_shown(points)
     if view.is_scalar:
-        return _scalar(view, lines, line, scalars)
+        return _scalar(view, lines, line[shown], scalars[shown])
     if view.mode == "isosurface":
         return _surfaces(view, lines, scalars, gradients)
     known = view.transfer_function.at(scalars)
     opacity = np.minimum(known[:, 3], 1.0 - 2.0**-24)
     thickness = np.zeros(shape)
     share = view.slice_spacing / float(view.options["reference_length"])
-    thickness[lines.inside] = np.where(scalars != 0.0, -np.log1p(-opacity) * share, 0.0)
+    thickness[lines.inside] = np.where(shown, -np.log1p(-opacity) * share, 0.0)
     colors = np.zeros((*shape, 3))
     colors[lines.inside] = _light(view, lines, line, known[:, :3], gradients)
     return composited(colors, thickness)
@@ -165,8 +167,7 @@ def _light(view: BrickView, lines: _Lines, line: Any, colors: Floats, gradients:
         towards = np.asarray(one.direction, np.float64)
         x, y, z = towards
         directions.append(x * right + y * up - z * along if one.space == "eye" else towards)
-    values = view.transfer_function.points[:, 0]
-    weak = 1e-3 * float(values[-1] - values[0]) / float(view.options["reference_length"])
+    weak = weakest_gradient(view.transfer_function, [view.whole.value_range], float(view.options["reference_length"]))
     normals = -gradients / np.maximum(np.linalg.norm(gradients, axis=1), weak or 1.0)[:, None]
     return phong(view.options["material"], lights, directions, colors, normals, -along)
 
@@ -194,11 +195,9 @@ def _scalar(view: BrickView, lines: _Lines, line: Any, scalars: Floats) -> Float
     found = np.zeros(len(lines.inside))
     if view.mode in ("xray", "average"):
         np.add.at(found, line, scalars)
-    elif view.mode == "mip":
-        np.maximum.at(found, line, scalars)
     else:
-        found[:] = np.inf
-        np.minimum.at(found, line, scalars)
+        found[:] = -np.inf if view.mode == "mip" else np.inf
+        (np.maximum if view.mode == "mip" else np.minimum).at(found, line, scalars)
         found[~np.isfinite(found)] = 0.0
     result: Floats = found[:, None]
     return result

@@ -79,7 +79,13 @@ def planned_light(view: BrickView, field: Field) -> BrickView:
     if not view.is_dimmed:
         return view.replace(light=None)
     native = Scene.of_checked(field, view.transfer_function, view.options).native.with_part(
-        cell=EVERYWHERE, centres=view.whole.centres, depths=view.depths(), in_front=None, supports=view.supports()
+        cell=EVERYWHERE,
+        centres=view.whole.centres,
+        depths=view.depths(),
+        in_front=None,
+        supports=view.supports(),
+        domain=view.whole.domain,
+        filled=view.whole.is_filled,
     )
     renderer = renderer_of(view.settings, "wholes").native
     return view.replace(light=renderer.plan_light(native, view.camera.native, size=view.size))

@@ -115,8 +115,8 @@ def _kernels(source: Any) -> KernelSource:
 
 
 def _factors(field: BrickedField, values: tuple[float, float]) -> tuple[float, float]:
-    """Return bounds of the factors of kernels by those of the samples."""
-    low, high = values
+    """Return bounds of the factors of kernels, counted from the base, by those of the samples."""
+    low, high = values[0] - field.base, values[1] - field.base
     amplified = field.prefilter_condition
     if amplified is None or low == high:
         return low, high
@@ -146,13 +146,17 @@ def may_dim(field: BrickedField | BrickedKernels, view: BrickView, number: int) 
 def _range_of(field: BrickedField | BrickedKernels, view: BrickView, number: int) -> tuple[float, float] | None:
     """Return bounds of the factors of all kernels that reach a brick; None: there are none."""
     if isinstance(field, BrickedKernels):
-        return _kernels(field.source).value_range(number, view.margin(number))
+        found = _kernels(field.source).value_range(number, view.margin(number))
+        return None if found is None else (found[0] - field.base, found[1] - field.base)
     assert view.lattice is not None
     return factors_in(field, view.lattice.to_read(view.samples(number)))
 
 
 def factors_in(field: BrickedField, samples: Box) -> tuple[float, float]:
-    """Return bounds of the factors of the kernels that depend on no samples but those of a box."""
+    """Return bounds of the factors of the kernels that depend on no samples but those of a box.
+
+    Counted from the base; the box is one of samples of the volume, as `LatticeSpec.to_read` gives it.
+    """
     needed, cores = np.asarray(samples), field.survey.cores
     near = ((cores[:, :, 0] < needed[:, 1]) & (cores[:, :, 1] > needed[:, 0])).all(axis=1)
     ranges = field.survey.ranges[near]
@@ -165,7 +169,8 @@ def field_of(source: BrickSource | KernelSource, view: BrickView, number: int) -
     """Return the field of a brick for a picture; what it is made of stays in this process while it fits."""
     residents().begin(view)
     if isinstance(source, KernelSource):
-        return residents().kernels(source, number, view.margin(number), view.whole.value_range)
+        low, high = view.whole.value_range
+        return residents().kernels(source, number, view.margin(number), (low + view.whole.base, high + view.whole.base))
     level = level_of(view, number, source.key, lambda level: _field_at(source, view, number, level))
     residents().counts.coarse += level > 0
     return _field_at(source, view, number, level)
@@ -198,6 +203,8 @@ def planned(scene: Scene, view: BrickView) -> tuple[BrickView, RenderPlan]:
         depths=view.whole.depths(view.camera),
         in_front=None,
         supports=view.supports(),
+        domain=view.whole.domain,
+        filled=view.whole.is_filled,
     )
     also = {name: name in view.outputs for name in ("coverage", "depth")}
     plan = renderer_of(view.settings, "wholes").native.plan(

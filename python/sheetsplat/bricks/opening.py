@@ -18,7 +18,7 @@ from sheetsplat.bricks.opening_kernels import open_kernels
 from sheetsplat.bricks.partition import Partition, partition_lattice
 from sheetsplat.bricks.prober import BrickProber
 from sheetsplat.bricks.sources import BrickSource, open_source
-from sheetsplat.bricks.statistics import Survey, SurveyPlan, merge_surveys, survey_of
+from sheetsplat.bricks.statistics import Survey, SurveyPlan, first_sample, merge_surveys, survey_of
 from sheetsplat.errors import complain, option_ref, option_refs, unusable
 from sheetsplat.fields import BrickedField, BrickedKernels
 from sheetsplat.fields.regular import narrowest
@@ -171,7 +171,8 @@ def _field(source: BrickSource, cut: _Cut, client: Any, given: Mapping[str, Any]
     quality = choice("open_bricks: quality", given.get("quality", "good"), QUALITIES)
     filtered = given.get("prefilter", quality != "draft" and "normalization" not in given)
     filtered = truth("open_bricks: prefilter", filtered)
-    plan = SurveyPlan.of(source.shape, lattice, _AROUND + (PREFILTER_MARGIN if filtered else 0))
+    around = _AROUND + (PREFILTER_MARGIN if filtered else 0)
+    plan = SurveyPlan.of(source.shape, lattice, around, first_sample(source))
     if client is None:
         found = merge_surveys([survey_of(source, partition, number, plan) for number in range(len(partition))])
     else:

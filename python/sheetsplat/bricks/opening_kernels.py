@@ -79,7 +79,7 @@ def open_kernels(
     )
     # The same kernels cut in another way have other bricks, and with other options other fields.
     one = found.template
-    told = (pieces.token, most, one.normalization, one.falloff, one.w0, one.cell_volume)
+    told = (pieces.token, most, one.normalization, one.falloff, one.w0, one.cell_volume, one.base)
     token = hashlib.blake2b(repr(told).encode(), digest_size=12).hexdigest()
     source = KernelSource(pieces.name, token, found.template, found.columns, store, segments, partition, found.longest)
     field = BrickedKernels.of(sample, source, facts)

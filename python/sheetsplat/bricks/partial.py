@@ -24,6 +24,8 @@ from sheetsplat.bricks.view import BrickView
 Numbers = NDArray[Any]
 # Attributes of a part that are arrays.
 _ARRAYS = ("rgba", "scalar", "counts", "coverage", "depth")
+# Modes in which slices count, and a pixel without any is no number.
+_COUNTED = ("mip", "minimum", "average")
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +44,7 @@ class Partial:
     scalar
         Modes xray and average: sums, float64; mip and minimum: extrema, float32.
     counts
-        Modes average and minimum: how many slices count, 0 where the scalar means nothing.
+        Modes mip, minimum and average: how many slices count, 0 where the scalar means nothing.
     coverage
         Sums, float64, where asked for.
     depth
@@ -120,7 +122,7 @@ def _blank(view: BrickView, rect: Rect) -> Partial:
         rect,
         rgba=None if view.is_scalar else np.zeros((*shape, 4), np.float32),
         scalar=np.zeros(shape, np.float64 if sums else np.float32) if view.is_scalar else None,
-        counts=np.zeros(shape, np.float32) if mode in ("minimum", "average") else None,
+        counts=np.zeros(shape, np.float32) if mode in _COUNTED else None,
         coverage=np.zeros(shape, np.float64) if "coverage" in view.outputs else None,
         depth=np.full(shape, np.inf, np.float32) if "depth" in view.outputs else None,
     )
@@ -217,11 +219,10 @@ def _merge_scalars(mode: str, front: Mapping[str, Numbers], back: Partial) -> No
     """Change the numbers of scalar modes to those of both parts."""
     a, b = front["scalar"], back.scalar
     assert b is not None
-    if mode == "mip":
-        np.maximum(a, b, out=a)
-    elif mode == "minimum":
+    if mode in ("mip", "minimum"):
         assert back.counts is not None
-        a[...] = np.where(front["counts"] == 0, b, np.where(back.counts == 0, a, np.minimum(a, b)))
+        better = np.maximum if mode == "mip" else np.minimum
+        a[...] = np.where(front["counts"] == 0, b, np.where(back.counts == 0, a, better(a, b)))
     else:
         a += b
     if back.counts is not None:
@@ -280,8 +281,8 @@ def finish(view: BrickView, part: Partial) -> Finished:
     if scalar is not None:
         if view.mode == "average":
             scalar = scalar / np.maximum(wide["counts"], 1.0)
-        elif view.mode == "minimum":
-            scalar = np.where(wide["counts"] > 0, scalar, 0.0)
+        if view.mode in _COUNTED:
+            scalar = np.where(wide["counts"] > 0, scalar, np.nan)
         scalar = scalar.astype(np.float32)
     coverage = wide.get("coverage")
     return Finished(rgba, scalar, None if coverage is None else coverage.astype(np.float32), wide.get("depth"))

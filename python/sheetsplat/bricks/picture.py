@@ -29,15 +29,16 @@ from sheetsplat.bricks.resident import residents
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.camera import Camera
 from sheetsplat.fields import BrickedField, BrickedKernels, Field
-from sheetsplat.image import Image, image_of
+from sheetsplat.image import ErrorEstimate, Image, image_of
 from sheetsplat.limits import Depths, checked_depths
 from sheetsplat.look.empty import warn_of_unseen
 from sheetsplat.options.renderer import Progress
 from sheetsplat.plan import RenderPlan
+from sheetsplat.quality.lost import keeping, warn_of_lost, with_lost
 from sheetsplat.recipe import Recipe
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
-from sheetsplat.supersampling import averaged
+from sheetsplat.supersampling import averaged, fine_depths, fine_size
 
 _log = logging.getLogger("sheetsplat")
 
@@ -133,6 +134,7 @@ def draw(
             lambda opacity, progress: _measure_here(field, view, opacity, progress),
         )  # fmt: skip
     warn_of_unseen(image, scene)
+    warn_of_lost(scene, camera, size)
     return image
 
 
@@ -234,6 +236,25 @@ def finished_image(
         "rendered %d x %d in %.0f of %.0f bricks, %.0f read", width, height, stats["bricks_drawn"], stats["bricks"],
         stats["bricks_read"],
     )  # fmt: skip
+
+    def estimate(progress: Progress | None) -> ErrorEstimate:
+        found = estimate_error(
+            view, plan, arrays, lambda other, told: averaged(draw(other, told), samples), measure, progress
+        )
+        better = keeping(scene, view.camera, (width, height))
+        if better is None or arrays.scalar is None:
+            return found
+        count = better.supersampling
+        other = view.replace(
+            options={**view.options, "filter": better.filter},
+            size=fine_size((width, height), count),
+            depth_limit=fine_depths(limit, count),
+            outputs=(),
+            allowed=None,
+        )
+        whole = averaged(draw(other, progress), count)
+        return found if whole.scalar is None else with_lost(found, arrays.scalar, whole.scalar)
+
     recipe = Recipe.of(scene, view.camera, (width, height), view.settings)
     return image_of(
         recipe,
@@ -245,7 +266,5 @@ def finished_image(
         depth=arrays.depth,
         depth_limit=limit,
         scene=scene,
-        estimate=lambda progress: estimate_error(
-            view, plan, arrays, lambda other, told: averaged(draw(other, told), samples), measure, progress
-        ),
+        estimate=estimate,
     )

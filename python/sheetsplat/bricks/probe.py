@@ -26,7 +26,7 @@ class Probing:
     lattice, partition
         The volume.
     value_range
-        Of all its samples.
+        Of all its samples, counted from its base.
     columns
         How many of D, W and their derivatives are wanted.
     """
@@ -51,7 +51,8 @@ class Probing:
         sums, nearest = field.native.sums_at(np.ascontiguousarray(places))
         found = nearest >= 0
         parts = np.unravel_index(nearest[found], field.shape)
-        in_volume = [first + part for (first, _), part in zip(box, parts, strict=True)]
+        in_box = [first + part for (first, _), part in zip(box, parts, strict=True)]
+        in_volume = _in_volume(lattice, in_box)
         numbers = np.full(len(nearest), -1, np.int64)
         numbers[found] = np.ravel_multi_index(in_volume, lattice.shape)
         return sums[:, : self.columns], numbers
@@ -75,3 +76,15 @@ class Probing:
             source, core, lattice.to_read(box), key, lambda samples: lattice.field(samples, box, self.value_range)
         )
         return made, box
+
+
+def _in_volume(lattice: LatticeSpec, numbers: list[NDArray[np.int64]]) -> list[NDArray[np.int64]]:
+    """Return indices along k, j, i of the samples that some are, or are mirror images of."""
+    if lattice.lattice != "bcc":
+        return [lattice.samples_of(axis, one) for axis, one in enumerate(numbers)]
+    odd = numbers[0] % 2 == 1
+    found = [lattice.samples_of(0, numbers[0])]
+    for axis in (1, 2):
+        even, others = (lattice.samples_of(axis, numbers[axis], n) for n in (0, 1))
+        found.append(np.where(odd, others, even))
+    return found

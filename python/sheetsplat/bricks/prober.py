@@ -50,7 +50,9 @@ class BrickProber:
     def sums(self, field: BrickedField, places: Floats, columns: int) -> tuple[Floats, NDArray[np.int64]]:
         """Return sums at points, (M, columns), and the numbers of the nearest kernels, (M,): see `BrickedField`."""
         lattice = LatticeSpec.of(field)
-        probing = Probing(lattice, partition_of(lattice, field.brick), field.value_range, columns)
+        low, high = field.value_range
+        values = low - lattice.base, high - lattice.base
+        probing = Probing(lattice, partition_of(lattice, field.brick), values, columns)
         sums, nearest = np.zeros((len(places), columns)), np.full(len(places), -1, np.int64)
         groups = self._groups(field, probing, places)
         for number, (found, numbers) in self._probed(field, probing, places, groups).items():
@@ -72,7 +74,7 @@ class BrickProber:
         samples = lattice.to_read(lattice.around(probing.partition.bricks[number].cell, 0.0))
         low, high = (lattice.largest_sum * factor for factor in factors_in(field, samples))
         # Where few kernels reach, less than all of the smallest one is left.
-        return shows(self.function, min(low, 0.0), max(high, 0.0))
+        return shows(self.function, min(low, 0.0) + lattice.base, max(high, 0.0) + lattice.base)
 
     def _probed(
         self, field: BrickedField, probing: Probing, places: Floats, groups: Mapping[int, NDArray[np.int64]]

@@ -73,8 +73,10 @@ class _Entry:
         return self.made.memory + (0 if self.is_shared else self.values.nbytes)
 
     def shrink(self) -> None:
-        """Keep no more samples than the field has, where it has all that it was made of."""
-        if self.made is not None and self.wanted is not None and not self.made.prefilter:
+        """Keep no more samples than the field has, where it has all that it was made of, and no mirrored ones."""
+        if self.made is None or self.wanted is None or self.made.prefilter:
+            return
+        if self.made.shape == tuple(last - first for first, last in self.wanted):
             self.outer, self.values, self.is_shared = self.wanted, self.made.values, True
 
 

@@ -21,11 +21,12 @@ from sheetsplat.bricks.readers import Shape
 from sheetsplat.bricks.resident import residents
 from sheetsplat.bricks.sources import BrickSource, box_text
 from sheetsplat.errors import complain, option_ref
-from sheetsplat.fields.samples import mixed_differences
+from sheetsplat.fields.samples import grid_steps, mixed_differences
 from sheetsplat.look import decades, histogram
-from sheetsplat.look.measure import grid_steps
 from sheetsplat.quality import samples as through
 
+# Samples that are read at once where the first one that is not missing is looked for.
+_AT_ONCE = 1 << 22
 # First and last index along i, j, k of the samples that are there.
 _Extent = tuple[tuple[int, int, int], tuple[int, int, int]]
 
@@ -46,6 +47,8 @@ class SurveyPlan:
         Layers at which noise is estimated, `quality.samples.rough_layers`.
     around
         Samples around a brick that its pictures will need, so that they are read now.
+    first
+        The first sample that is not missing, in the order of the array, as it is stored; None: there is none.
     """
 
     shape: Shape
@@ -55,15 +58,16 @@ class SurveyPlan:
     starts: tuple[int, ...]
     apart: int
     around: int = 0
+    first: Any = None
 
     @classmethod
-    def of(cls, shape: Shape, lattice: str, around: int = 0) -> SurveyPlan:
+    def of(cls, shape: Shape, lattice: str, around: int = 0, first: Any = None) -> SurveyPlan:
         """Return what looks ask of a volume."""
         size = math.prod(shape)
         strides = sorted({histogram.stride_of(size), decades.stride_of(size), through.stride_of(size)})
         starts, apart = through.rough_layers(shape, lattice)
         k, j, i = grid_steps(shape, lattice)
-        return cls(shape, lattice, tuple(strides), (k, j, i), tuple(starts), apart, around)
+        return cls(shape, lattice, tuple(strides), (k, j, i), tuple(starts), apart, around, first)
 
     def margin(self, core: Box) -> Box:
         """Return a box with the samples that differences at its layers need, and those around it."""
@@ -119,6 +123,8 @@ class BrickSurvey:
         Pieces of the samples on the grid of `steps`: the first place along k, j, i, and the samples.
     rough
         Sums for the estimate of noise.
+    same
+        Number of samples that are equal to the first one of the volume.
     """
 
     ranges: Mapping[int, tuple[float, float]]
@@ -127,6 +133,7 @@ class BrickSurvey:
     every: Mapping[int, tuple[NDArray[np.int64], NDArray[Any]]]
     grid: tuple[tuple[tuple[int, int, int], NDArray[Any]], ...]
     rough: _Rough
+    same: int = 0
 
 
 def survey_brick(values: NDArray[Any], outer: Box, core: Box, number: int, plan: SurveyPlan, name: str) -> BrickSurvey:
@@ -176,6 +183,7 @@ def survey_brick(values: NDArray[Any], outer: Box, core: Box, number: int, plan:
         {stride: _every(own, core, stride, plan.shape) for stride in plan.strides},
         tuple(_on_grid(own, core, plan.steps)),
         rough,
+        0 if plan.first is None else int(np.count_nonzero(own == plan.first)),
     )
 
 
@@ -252,6 +260,22 @@ def survey_of(source: BrickSource, partition: Partition, number: int, plan: Surv
     return survey_brick(values, outer, core, number, plan, source.name)
 
 
+def first_sample(source: BrickSource) -> Any:
+    """Return the first sample that is not missing, in the order of the array, as it is stored; None: there is none."""
+    nk, nj, ni = source.shape
+    rows = max(1, _AT_ONCE // ni)
+    corner = source.read(((0, 1), (0, 1), (0, 1)))[0, 0, 0]
+    if not corner != corner:
+        return corner
+    for k in range(nk):
+        for j in range(0, nj, rows):
+            part = source.read(((k, k + 1), (j, min(j + rows, nj)), (0, ni))).reshape(-1)
+            there = np.flatnonzero(~np.isnan(part))
+            if there.size:
+                return part[there[0]]
+    return None
+
+
 def merge_surveys(parts: Sequence[BrickSurvey]) -> BrickSurvey:
     """Return what is known of all bricks of several surveys, which are in the order of the bricks."""
     every = {}
@@ -270,6 +294,7 @@ def merge_surveys(parts: Sequence[BrickSurvey]) -> BrickSurvey:
         every,
         tuple(piece for one in parts for piece in one.grid),
         rough,
+        sum(one.same for one in parts),
     )
 
 
@@ -298,6 +323,10 @@ class Survey:
         Of samples that are there, in even and in odd layers.
     cores
         Boxes of the bricks, (N, 3, 2).
+    first
+        The first sample that is not missing, as it is stored; None: there is none.
+    same
+        Number of samples that are shown as that one is, or about as many.
     """
 
     source: BrickSource
@@ -308,6 +337,8 @@ class Survey:
     _grid: tuple[tuple[int, ...], NDArray[Any]] = field(repr=False)
     _rough: _Rough
     cores: NDArray[np.int64] = field(repr=False)
+    first: Any = None
+    same: int = 0
 
     @classmethod
     def of(cls, source: BrickSource, found: BrickSurvey, cores: Sequence[Box], plan: SurveyPlan) -> Survey:
@@ -325,6 +356,8 @@ class Survey:
             (plan.steps, grid),
             found.rough,
             np.asarray(cores, np.int64),
+            plan.first,
+            found.same,
         )
 
     def __eq__(self, other: object) -> bool:
@@ -342,7 +375,26 @@ class Survey:
         ranges[known] = source.shown_as(self.ranges[known].astype(source.stored))
         steps, grid = self._grid
         every = {stride: source.shown_as(values) for stride, values in self._every.items()}
-        return replace(self, source=source, ranges=ranges, _every=every, _grid=(steps, source.shown_as(grid)))
+        same = self.same
+        shown_alike = (source.floor, source.limits) == (self.source.floor, self.source.limits)
+        if self.first is not None and not shown_alike:
+            # Others may be shown as the first one is: of many samples, by those that are kept.
+            some = every[min(every)]
+            same = round(float(np.mean(some == source.shown_as(self.first)[0])) * self.size)
+        return replace(
+            self, source=source, ranges=ranges, _every=every, _grid=(steps, source.shown_as(grid)), same=same
+        )
+
+    @property
+    def base(self) -> float:
+        """What values are counted from unless it is given: see `RegularField`."""
+        if self.first is None:
+            return 0.0
+        enough = -(-(self.size - self.missing) // 100)
+        if self.same >= enough:
+            return float(self.source.shown_as(self.first)[0])
+        low, high = self.value_range
+        return 0.5 * low + 0.5 * high
 
     @property
     def shape(self) -> Shape:
@@ -385,6 +437,11 @@ class Survey:
     def every(self, stride: int) -> NDArray[Any]:
         """Return every n-th sample, counted along the last axis first."""
         return self._every[stride]
+
+    @property
+    def steps(self) -> tuple[int, ...]:
+        """Of how many samples along each axis one is known."""
+        return tuple(self._grid[0])
 
     def on_grid(self, steps: Sequence[int]) -> NDArray[Any]:
         """Return every n-th sample along each axis."""

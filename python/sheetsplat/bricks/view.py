@@ -298,19 +298,19 @@ class BrickView:
 
     def may_show(self, value_range: tuple[float, float]) -> bool:
         """Return whether kernels with factors in a range, all that reach a brick, can show anything at all."""
-        if "coverage" in self.outputs or self.mode in ("minimum", "average"):
+        # An extremum or a mean is that of the points that count, whatever their values.
+        if "coverage" in self.outputs or self.mode in ("mip", "minimum", "average"):
             return True
         low, high = self._scalars(value_range)
         if math.isinf(high):
             return True
+        base = self.whole.base
         if self.mode == "xray":
-            return low < 0.0 or high > 0.0
-        if self.mode == "mip":
-            return high > 0.0
+            return base != 0.0 or low < 0.0 or high > 0.0
         low, high = self._widened(low, high)
         if self.mode == "isosurface":
-            return any(low < value <= high for value, _ in surfaces_of(self.options["iso_value"]))
-        return shows(self.transfer_function, low, high)
+            return any(low < value - base <= high for value, _ in surfaces_of(self.options["iso_value"]))
+        return shows(self.transfer_function, low + base, high + base)
 
     def may_dim(self, value_range: tuple[float, float]) -> bool:
         """Return whether kernels with factors in a range, all that reach a brick, can dim light that passes it."""
@@ -320,10 +320,11 @@ class BrickView:
         if self.mode == "isosurface":
             # Where it is below all surfaces the scalar says where between two bricks one is.
             return low < 0.0 or high > 0.0
-        return shows(self.transfer_function, *self._widened(low, high))
+        low, high = self._widened(low, high)
+        return shows(self.transfer_function, low + self.whole.base, high + self.whole.base)
 
     def _scalars(self, value_range: tuple[float, float]) -> tuple[float, float]:
-        """Return bounds of the scalar, 0 included, where the factors of kernels are in a range."""
+        """Return bounds of the scalar counted from the base, 0 included, by those of the factors of kernels."""
         factor = self._largest_sum
         if not math.isfinite(factor):
             return -math.inf, math.inf

@@ -23,9 +23,11 @@ class Whole:
         World-aligned box of all kernel centres: the depth of its middle anchors the slices. Samples that are left out
         (NaN) do not count.
     supports
-        Boxes that together hold all supports: one of a lattice, one of each brick of scattered kernels.
+        Boxes that together hold all supports, those of mirrored samples included: one of a lattice, one of each brick
+        of scattered kernels.
     value_range
-        Smallest and largest factor of a kernel: samples, or coefficients of a prefiltered lattice, or values.
+        Smallest and largest factor of a kernel, counted from the base: samples, or coefficients of a prefiltered
+        lattice, or values.
     default_slice_spacing
         Distance of slices, and reference length, unless given; world units.
     largest_reach
@@ -35,7 +37,11 @@ class Whole:
     falloff
         k of the kernels.
     is_mean
-        Whether the scalar is a weighted mean of values, and of 0 where few weights add up.
+        Whether the scalar is a weighted mean of values, and of the base where few weights add up.
+    base
+        What values are counted from.
+    lattice
+        The lattice; None for scattered kernels.
     """
 
     centres: Bounds
@@ -46,6 +52,8 @@ class Whole:
     semi_axes: Triple | None = None
     falloff: float = 8.0
     is_mean: bool = False
+    base: float = 0.0
+    lattice: LatticeSpec | None = None
 
     @classmethod
     def of_lattice(cls, lattice: LatticeSpec, value_range: tuple[float, float], centres: Bounds | None = None) -> Whole:
@@ -64,13 +72,25 @@ class Whole:
         axes = lattice.semi_axes
         return cls(
             centres=box,
-            supports=(_grown(box, axes),),
+            supports=(lattice.supports(box),),
             value_range=value_range,
             default_slice_spacing=lattice.default_slice_spacing,
             largest_reach=max(axes),
             semi_axes=axes,
             falloff=lattice.falloff,
+            base=lattice.base,
+            lattice=lattice,
         )
+
+    @property
+    def domain(self) -> Bounds | None:
+        """Where the field ends; None: nowhere."""
+        return None if self.lattice is None else self.lattice.domain
+
+    @property
+    def is_filled(self) -> bool:
+        """Whether kernels reach every point of the domain."""
+        return self.lattice is not None and self.lattice.fills
 
     @classmethod
     def of_kernels(cls, field: EllipsoidField) -> Whole:
@@ -94,11 +114,12 @@ class Whole:
         return cls(
             centres=field.centre_bounds,
             supports=supports,
-            value_range=field.value_range,
+            value_range=(field.value_range[0] - field.base, field.value_range[1] - field.base),
             default_slice_spacing=field.default_slice_spacing,
             largest_reach=longest,
             falloff=field.falloff,
             is_mean=field.normalization == "threshold",
+            base=field.base,
         )
 
     def depths(self, camera: Camera, widening: float = 0.0) -> tuple[float, float]:
@@ -112,18 +133,12 @@ class Whole:
             What the filter adds to the kernels' extent along the view, squares added; world units.
         """
         eye, back = np.asarray(camera.eye), np.asarray(camera.world_axes()[2])
-        if self.semi_axes is not None:
-            boxes = np.asarray((self.centres,))
+        if self.semi_axes is not None and self.lattice is not None:
             half = math.hypot(float(np.linalg.norm(np.asarray(self.semi_axes) * back)), widening)
-        else:
-            boxes, half = np.asarray(self.supports), widening
+            behind, ahead = self.lattice.reach_along(self.centres, eye, back)
+            return -ahead - half, -behind + half
+        boxes, half = np.asarray(self.supports), widening
         # The corner of each box that is nearest to the viewer, and the farthest.
         near = np.where(back > 0, boxes[:, 1], boxes[:, 0]) - eye
         far = np.where(back > 0, boxes[:, 0], boxes[:, 1]) - eye
         return float(-(near @ back).max()) - half, float(-(far @ back).min()) + half
-
-
-def _grown(box: Bounds, by: Triple) -> Bounds:
-    lower = tuple(a - b for a, b in zip(box[0], by, strict=True))
-    upper = tuple(a + b for a, b in zip(box[1], by, strict=True))
-    return lower, upper  # type: ignore[return-value]

@@ -63,6 +63,9 @@ class Field(ABC):
     falloff = Forwarded[float]("_falloff", "The k of the kernel's profile.")
     normalization = Forwarded[str]("_normalization", 'One of "none", "lattice" and "threshold".')
     w0 = Forwarded[float]("_w0", 'Threshold of the weight sum, for normalisation "threshold".')
+    base = Forwarded[float](
+        "native.base", "What values are counted from: the scalar where no kernel reaches. Conventions, section 2."
+    )
     size = Forwarded[int]("native.size", "Number of kernels, skipped samples excluded.")
     bounds = Forwarded[Bounds](
         "native.supports", "World-aligned box around all supports: its lower and its upper corner."
@@ -94,7 +97,11 @@ class Field(ABC):
             "orientation": self._orientation,
             "trim": self._trim,
         }
-        return _restored, (type(self), {**self._parts(), **told})
+        parts = {
+            name: np.ascontiguousarray(one) if isinstance(one, np.ndarray) else one
+            for name, one in self._parts().items()
+        }
+        return _restored, (type(self), {**parts, **told})
 
     def __copy__(self) -> Self:
         """Return itself: it is immutable."""
@@ -168,7 +175,7 @@ class Field(ABC):
         return "" if self._orientation is None else f", up {self._orientation.up}"
 
     def at(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Return the field's scalar at points (M, 3) in the world, shape (M,); 0 where no kernel reaches.
+        """Return the field's scalar at points (M, 3) in the world, shape (M,); the base where no kernel reaches.
 
         Raises
         ------
@@ -183,9 +190,10 @@ class Field(ABC):
         Returns
         -------
         tuple
-            Scalars, shape (M,), and their derivatives along x, y, z, shape (M, 3), scalar per world unit; both are 0
-            where no kernel reaches. With normalisation "threshold" the gradient jumps where W is w0; the side of the
-            larger W holds there. Derivatives beyond float64 are not finite.
+            Scalars, shape (M,), and their derivatives along x, y, z, shape (M, 3), scalar per world unit: the base and
+            0 where no kernel reaches. Outside of the domain of a volume, where pictures are empty, they are what the
+            sums give. With normalisation "threshold" the gradient jumps where W is w0; the side of the larger W holds
+            there. Derivatives beyond float64 are not finite.
 
         Raises
         ------
@@ -196,9 +204,10 @@ class Field(ABC):
         return values, gradients
 
     def nearest_kernel(self, points: ArrayLike) -> NDArray[np.int64]:
-        """Return the number of the kernel whose centre is nearest among those that reach a point, -1 where none does.
+        """Return the number of the kernel whose centre is nearest among those that reach a point, -1 where it is empty.
 
-        Kernels of volumes are numbered as the samples of ``values.ravel()``.
+        Kernels of volumes are numbered as the samples of ``values.ravel()``; mirrored ones have the number of their
+        sample.
 
         Raises
         ------
@@ -211,31 +220,69 @@ class Field(ABC):
         """Return what `evaluate` and `nearest_kernel` return, in the time of one of them."""
         sums, nearest = self._sums_at(points)
         weight, slope, weight_slope = sums[:, 1], sums[:, 2:5], sums[:, 5:]
-        values = self._scalars(sums)
+        counted, least = self._counted(sums), self._least_divisor
+        values = self.base + counted
+        if least is not None:
+            divisor = np.maximum(least, weight)
+            falling = np.where((weight >= least)[:, None], counted[:, None] * weight_slope, 0.0)
+            return values, (slope - falling) / divisor[:, None], nearest
         if self._normalization == "none":
             return values, slope.copy(), nearest
-        if self._normalization == "lattice":
-            return values, slope / self.native.lattice_constant, nearest
-        divisor = np.maximum(self._w0, weight)
-        falling = np.where((weight >= self._w0)[:, None], values[:, None] * weight_slope, 0.0)
-        return values, (slope - falling) / divisor[:, None], nearest
+        return values, slope / self.native.lattice_constant, nearest
 
     def scalars_and_weights(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the scalar and the sum W of weights at points (M, 3), each (M,), in the time of one of them."""
         sums, _ = self._sums_at(points)
         return self._scalars(sums), sums[:, 1].copy()
 
+    def scalars_and_shown(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return the scalar at points (M, 3), and where the field is not empty, each (M,)."""
+        places = self._places(points)
+        sums, nearest = self._emptied(places, *self._found(places, 2))
+        return self._scalars(sums), nearest >= 0
+
     def _scalars(self, sums: NDArray[np.float64]) -> NDArray[np.float64]:
-        total, weight = sums[:, 0], sums[:, 1]
-        if self._normalization == "none":
-            return total.copy()
-        if self._normalization == "lattice":
-            return np.asarray(total / self.native.lattice_constant)
-        return np.asarray(total / np.maximum(self._w0, weight))
+        return self.base + self._counted(sums)
+
+    def _counted(self, sums: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return scalars counted from the base of sums D, W."""
+        total, weight, least = sums[:, 0], sums[:, 1], self._least_divisor
+        if least is not None:
+            return np.asarray(total / np.maximum(least, weight))
+        return total if self._normalization == "none" else np.asarray(total / self.native.lattice_constant)
+
+    @property
+    def _least_weight(self) -> float:
+        """Points where W is smaller are empty, although kernels reach them."""
+        return self.native.least_weight
+
+    @property
+    def _least_divisor(self) -> float | None:
+        """What D is divided by at least where it is divided by W, which is larger elsewhere; None: it is not."""
+        return self._w0 if self._normalization == "threshold" else None
+
+    def _inside(self, points: NDArray[np.float64]) -> NDArray[np.bool_] | None:
+        """Return which points (M, 3) lie in the field's domain; None: all do."""
+        return None
 
     def _sums_at(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Return D, W and their derivatives, (M, 8), and the numbers of the nearest kernels, (M,)."""
-        return self.native.sums_at(self._places(points))
+        """Return D, W and their derivatives, (M, 8), and the numbers of the nearest kernels, (M,), -1 where empty."""
+        places = self._places(points)
+        return self._emptied(places, *self._found(places, 8))
+
+    def _found(self, places: NDArray[np.float64], columns: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """Return the first of D, W and their derivatives, (M, columns), and the numbers of the nearest kernels."""
+        return self.native.sums_at(places)
+
+    def _emptied(
+        self, places: NDArray[np.float64], sums: NDArray[np.float64], nearest: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        inside = self._inside(places)
+        if inside is not None:
+            nearest = np.where(inside, nearest, -1)
+        if self._least_weight > 0.0:
+            nearest = np.where(sums[:, 1] >= self._least_weight, nearest, -1)
+        return sums, nearest
 
     def _places(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return checked points, (M, 3)."""
@@ -257,7 +304,7 @@ class Field(ABC):
     def value_range(self) -> tuple[float, float]:
         """Smallest and largest value of a kernel; 0, 0 without kernels."""
         low, high = self.native.value_range
-        return low, high
+        return (low + self.base, high + self.base) if self.size else (0.0, 0.0)
 
     @property
     def memory(self) -> int:

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _sheetsplat
-from sheetsplat._checks import Bounds, Triple, choice, number, triple, truth
+from sheetsplat._checks import Bounds, Triple, choice, number, optional_number, triple, truth
 from sheetsplat.errors import Unsupported, complain
+from sheetsplat.fields import ending
 from sheetsplat.fields.base import NOT_OPENED
-from sheetsplat.fields.regular import PARTS, RegularField
+from sheetsplat.fields.regular import BOUNDARIES, PARTS, RegularField
 from sheetsplat.fields.samples import Samples
 from sheetsplat.fields.trim import Trim
 from sheetsplat.orientation import Orientation
@@ -66,6 +67,10 @@ class Survey(Samples, Protocol):
     @property
     def value_range(self) -> tuple[float, float]:
         """Smallest and largest sample."""
+
+    @property
+    def base(self) -> float:
+        """What values are counted from unless it is given."""
 
     def centres(self, lattice: str) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
         """Return the first and the last step of lattice planes with samples along x, y, z."""
@@ -127,6 +132,8 @@ class BrickedField(RegularField):
         w0: float = 1.0,
         prefilter: bool | None = None,
         nan: str = "error",
+        boundary: str = "edge",
+        base: float | None = None,
     ) -> None:
         self._quantity, self._opened, self._orientation = source.quantity, NOT_OPENED, source.orientation
         self._trim, self._prober = Trim(), None
@@ -139,8 +146,12 @@ class BrickedField(RegularField):
         self._normalization = choice("open_bricks: normalization", normalization, kinds)
         self._w0 = number("open_bricks: w0", w0)
         self._nan = choice("open_bricks: nan", nan, ("error", "skip"))
+        self._boundary = choice("open_bricks: boundary", boundary, BOUNDARIES)
+        self._base = optional_number("open_bricks: base", base)
         self._settled = prefilter is not None
         self._prefilter = prefilter is not None and truth("open_bricks: prefilter", prefilter)
+        if self._prefilter and self._normalization == "none":
+            self._normalization = "lattice"
         self._set(source, survey, brick)
         self._condition = None
         if self._prefilter:
@@ -157,7 +168,12 @@ class BrickedField(RegularField):
         self.native = self._stand_in(source, survey)
 
     def _stand_in(self, source: Source, survey: Survey) -> _sheetsplat.RegularField:
-        return self._made(np.asarray([[survey.value_range]], dtype=source.dtype))
+        # With the base of all samples, and no end of its own.
+        base = self._base
+        if base is None:
+            chosen = self._boundary == "edge" and (self._prefilter or self._normalization != "none")
+            base = survey.base if chosen else 0.0
+        return self._made(np.asarray([[survey.value_range]], dtype=source.dtype), base=base, boundary="zero")
 
     def _parts(self) -> dict[str, Any]:
         own = ("source", "survey", "brick", "_prefilter", "_condition")
@@ -240,12 +256,9 @@ class BrickedField(RegularField):
         Error
             What reading a brick raises.
         """
-        return self._scalars(self._sums(self._places(points), 2)[0])
+        return self._scalars(self._found(self._places(points), 2)[0])
 
-    def _sums_at(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        return self._sums(self._places(points), 8)
-
-    def _sums(self, places: NDArray[np.float64], columns: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def _found(self, places: NDArray[np.float64], columns: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         if self._prober is None:
             self._refuse("values at points")
         return self._prober.sums(self, places, columns)
@@ -259,6 +272,18 @@ class BrickedField(RegularField):
     def value_range(self) -> tuple[float, float]:
         """Smallest and largest sample, which coefficients may exceed."""
         return self.survey.value_range
+
+    @property
+    def domain(self) -> Bounds | None:
+        """World-aligned box where the volume ends: its lower and its upper corner; None where it ends nowhere."""
+        return ending.domain(self.shape, self._lattice, self._boundary, self._spacing, self._origin)
+
+    @property
+    def _least_weight(self) -> float:
+        divided = self._normalization == "lattice" and not self._prefilter
+        if not (divided and self.survey.missing and ending.ends(self.shape, self._lattice, self._boundary)):
+            return 0.0
+        return ending.least_weight(self._radius, self._falloff, self._lattice)
 
     @property
     def prefilter(self) -> bool:

@@ -23,7 +23,7 @@ _FALLOFF = 8.0
 _LEAST_WEIGHT = 1e-30
 # All that a field is made of: arrays of the native field, and the rest.
 _ARRAYS = ("centers", "scales", "rotations", "values", "weights")
-_PARTS = ("_normalization", "_w0", "_falloff", "_min_scale", "_cell_volume", "_ghosts", "_ghost_options")
+_PARTS = ("_normalization", "_w0", "_falloff", "_min_scale", "_cell_volume", "_base", "_ghosts", "_ghost_options")
 
 
 def _rows(what: str, array: object, wanted: str, *shapes: tuple[int, ...]) -> NDArray[Any]:
@@ -65,6 +65,7 @@ class KernelOptions(TypedDict, total=False):
     falloff: float
     min_scale: float | None
     cell_volume: float | None
+    base: float
 
 
 class EllipsoidField(Field):
@@ -96,16 +97,18 @@ class EllipsoidField(Field):
     weights
         (N,), at least 0 and not all 0; 1 unless given.
     normalization
-        How sums become the scalar: "threshold" (D / max(w0, W), [NM06] eq. 20), "none" (D), or "lattice" (D/C) for
-        kernels of equal volume.
+        How sums become the scalar, counted from `base`: "threshold" (D / max(w0, W), [NM06] eq. 20), "none" (D), or
+        "lattice" (D/C) for kernels of equal volume.
     w0
-        Threshold of "threshold", > 0. Where the sum of weights is smaller, the scalar falls to 0.
+        Threshold of "threshold", > 0. Where the sum of weights is smaller, the scalar falls to `base`.
     falloff
         k of the profile, > 0.
     min_scale
         World units; shorter semi-axes, also those of 0, are set to it.
     cell_volume
         For "lattice": the volume that belongs to one kernel.
+    base
+        The value that all values are counted from: the scalar where no kernel reaches.
 
     Raises
     ------
@@ -122,7 +125,7 @@ class EllipsoidField(Field):
     (2, 0.5)
     """
 
-    __slots__ = ("_cell_volume", "_ghost_options", "_ghosts", "_min_scale")
+    __slots__ = ("_base", "_cell_volume", "_ghost_options", "_ghosts", "_min_scale")
     native: _sheetsplat.EllipsoidField
     _ghost_options: tuple[float, float] | None
 
@@ -139,12 +142,14 @@ class EllipsoidField(Field):
         falloff: float = _FALLOFF,
         min_scale: float | None = None,
         cell_volume: float | None = None,
+        base: float = 0.0,
     ) -> None:
         self._normalization = choice("EllipsoidField: normalization", normalization, ("none", "lattice", "threshold"))
         self._w0 = number("EllipsoidField: w0", w0)
         self._falloff = number("EllipsoidField: falloff", falloff)
         self._min_scale = optional_number("EllipsoidField: min_scale", min_scale)
         self._cell_volume = optional_number("EllipsoidField: cell_volume", cell_volume)
+        self._base = number("EllipsoidField: base", base)
         self._quantity, self._opened, self._orientation, self._trim = Quantity(), NOT_OPENED, None, Trim()
         self._ghosts, self._ghost_options = 0, None
         if values is None:
@@ -189,6 +194,7 @@ class EllipsoidField(Field):
             falloff=self._falloff,
             min_scale=self._min_scale,
             cell_volume=self._cell_volume,
+            base=self._base,
             unit_rotations=unit_rotations,
             **of_part,
         )
@@ -241,7 +247,9 @@ class EllipsoidField(Field):
         if weights is not None and not weights.any():
             # A field needs a weight above 0; those of 0 are drawn as this.
             weights = np.full_like(weights, _LEAST_WEIGHT)
-        native = self._made(centers, scales, rotations, values, weights, unit_rotations=True, value_range=value_range)
+        # The native range is counted from the base.
+        low, high = value_range[0] - self._base, value_range[1] - self._base
+        native = self._made(centers, scales, rotations, values, weights, unit_rotations=True, value_range=(low, high))
         return self._with(native=native)
 
     @classmethod
@@ -355,11 +363,14 @@ class EllipsoidField(Field):
         return found
 
     def with_ghost_points(self, *, distance: float = 1.0, weight: float = 1.0) -> EllipsoidField:
-        """Return the field with ghost points: kernels of value 0 around the data, for a smooth border ([NM06] §4.1).
+        """Return the field with ghost points around the data, for a smooth border ([NM06] §4.1).
+
+        They are kernels whose value is the field's base.
 
         At the border of scattered data the weights fall to 0, and D / W, which stays as high as the outermost values,
         ends abruptly. (With the threshold w0 = 1 it falls as soon as W does, and ghost points change little; they are
-        for small w0.) Ghost points carry the weights on, so that the scalar falls to 0 within one support.
+        for small w0.) Ghost points carry the weights on, so that the scalar falls to the base within one
+        support.
 
         Around each kernel 14 places are tried, along its semi-axes and the diagonals between them. A place becomes a
         ghost of that kernel's own shape, however flat or turned that is, unless a support reaches the place, or the
@@ -414,12 +425,13 @@ class EllipsoidField(Field):
             np.concatenate((self.centers, places)),
             np.concatenate((self.scales, self.scales[owners])),
             None if rotations is None else np.concatenate((rotations, rotations[owners])),
-            np.concatenate((self.values, np.zeros(count))),
+            np.concatenate((self.values, np.full(count, self._base))),
             weights=None if weights is None else np.concatenate((weights, np.full(count, mass))),
             normalization=self._normalization,  # type: ignore[arg-type]
             w0=self._w0,
             falloff=self._falloff,
             cell_volume=self._cell_volume,
+            base=self._base,
         )
         field._min_scale = self._min_scale
         field._quantity, field._opened, field._orientation = self._quantity, self._opened, self._orientation
@@ -435,5 +447,5 @@ class EllipsoidField(Field):
         ghosts = f", {self._ghosts} of them ghost points" if self._ghosts else ""
         return (
             f"EllipsoidField({self.size} {kinds}{ghosts}, semi-axes {thin:g} to {long:g}, values {low:g} to {high:g}, "
-            f"normalization {self._normalization!r}{self._up_text})"
+            f"{f'base {self._base:g}, ' if self._base else ''}normalization {self._normalization!r}{self._up_text})"
         )

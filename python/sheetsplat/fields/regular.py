@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory, _sheetsplat
-from sheetsplat._checks import Triple, Vector, as_array, choice, number, triple, truth
+from sheetsplat._checks import Bounds, Triple, Vector, as_array, choice, number, optional_number, triple, truth
 from sheetsplat._properties import Forwarded
 from sheetsplat.errors import complain
 from sheetsplat.fields.base import NOT_OPENED, Field, Normalization
@@ -19,13 +19,19 @@ from sheetsplat.quantity import Quantity
 
 Lattice = Literal["cartesian", "bcc"]
 NanPolicy = Literal["error", "skip"]
+Boundary = Literal["edge", "zero"]
+
+BOUNDARIES: tuple[str, ...] = get_args(Boundary)
 
 _KEPT = ("uint8", "int16", "uint16", "float32", "float64")
 _FAILED = "RegularField: the samples cannot be used"
 #: Radius and falloff of kernels whose sums are the samples, smoothed a little.
 PLAIN_KERNEL = (2.0, 5.0)
 # All that a field is made of, beside its samples and coefficients.
-PARTS = ("_spacing", "_origin", "_lattice", "_radius", "_falloff", "_normalization", "_w0", "_nan", "_settled")
+PARTS = (
+    *("_spacing", "_origin", "_lattice", "_radius", "_falloff", "_normalization", "_w0", "_nan", "_settled"),
+    *("_boundary", "_base"),
+)
 
 
 def narrowest(low: int, high: int) -> np.dtype[Any]:
@@ -75,11 +81,11 @@ def _kept_type(values: NDArray[Any]) -> np.dtype[Any]:
     raise complain(_FAILED, f"values of type {native}", "integers, booleans or real floating-point numbers")
 
 
-def as_samples(values: ArrayLike) -> NDArray[Any]:
+def as_samples(values: ArrayLike, *, contiguous: bool = True) -> NDArray[Any]:
     """Return `values` as a contiguous array [k, j, i] of a type that fields keep, without loss.
 
-    Masked entries become NaN. Raises InvalidInput for other types and for anything but three axes, OutOfMemory where a
-    copy would not fit.
+    Unless it need be contiguous, there may be gaps between rows. Masked entries become NaN. Raises InvalidInput for
+    other types and for anything but three axes, OutOfMemory where a copy would not fit.
     """
     if isinstance(values, np.ma.MaskedArray):
         if np.ma.is_masked(values):
@@ -101,7 +107,10 @@ def as_samples(values: ArrayLike) -> NDArray[Any]:
         raise complain(_FAILED, f"values of type {array.dtype}", "integers, booleans or real floating-point numbers")
     # The copy that the field keeps; conversions of type, byte order or layout take another.
     _memory.require(array.size * array.dtype.itemsize, f"a copy of the samples, {' x '.join(map(str, array.shape))}")
-    return np.require(array, dtype=_kept_type(array), requirements=("C", "A"))
+    kept = np.asarray(array, dtype=_kept_type(array))
+    if not contiguous and kept.flags.aligned and kept.strides[2] == kept.itemsize:
+        return kept
+    return np.require(kept, requirements=("C", "A"))
 
 
 class RegularField(Field):
@@ -126,25 +135,33 @@ class RegularField(Field):
     falloff
         k of the kernel (exp(−k r²) − exp(−k)) / (1 − exp(−k)).
     normalization
-        How sums become the scalar: "none" (D), "lattice" (D/C) or "threshold" (D / max(w0, W)).
+        How sums become the scalar, counted from `base`: "none" (D), "lattice" (D/C) or "threshold" (D / max(w0, W)).
     w0
         Threshold of "threshold", > 0.
     prefilter
         Give the kernels coefficients in place of the samples, so that their sum passes through every sample;
-        `normalization` is then "none". There are no kernels outside the volume. The field keeps the coefficients
-        beside the samples, in float32 or float64; 4 bytes a sample more are needed while they are computed. The kernel
-        must be narrow enough to resolve the samples: (radius, falloff) = (2, 5), (2.5, 7) and (3, 8) are; (2.5, 7) is
-        the best. None: the field has plain sums, and `sheetsplat.render` shows it with the kernels of its quality, as
-        it shows an array; False: the field is shown with plain sums at every quality.
+        `normalization` is then "none". The field keeps the coefficients beside the samples, in float32 or float64; 4
+        bytes a sample more are needed while they are computed. The kernel must be narrow enough to resolve the samples:
+        (radius, falloff) = (2, 5), (2.5, 7) and (3, 8) are; (2.5, 7) is the best. None: the field has plain sums, and
+        `sheetsplat.render` shows it with the kernels of its quality, as it shows an array; False: the field is shown
+        with plain sums at every quality.
     nan
         What a NaN sample is: "error", or "skip" for a missing sample, which has no kernel.
+    boundary
+        What lies beyond the outermost samples. "edge": the samples are mirrored there, and the field ends half a sample
+        distance beyond the outermost ones (`domain`); pictures are empty outside. "zero": nothing, and the field falls
+        to `base` within a kernel's radius ([NM05]). A BCC lattice of one layer counts as "zero".
+    base
+        The value that all values are counted from; the scalar where no kernel reaches. Unless given, 0 with the
+        boundary "zero" and with the normalisation "none"; else the value of the first sample that is not missing, if at
+        least one sample in a hundred has it, else the middle between the least and the largest.
 
     Raises
     ------
     InvalidInput
-        For empty arrays, other than three axes, other than real numbers, NaN (unless skipped), infinities, and for
-        spacing, radius, falloff or w0 that are not positive; with `prefilter` for normalisation "threshold", for any
-        NaN, and for kernels whose sums lose the samples.
+        For empty arrays, other than three axes, other than real numbers, NaN (unless skipped), infinities, a base that
+        is not finite, and for spacing, radius, falloff or w0 that are not positive; with `prefilter` for normalisation
+        "threshold", for any NaN, and for kernels whose sums lose the samples.
     OutOfMemory
         Where the copy of the samples does not fit, or what `prefilter` needs.
 
@@ -155,7 +172,7 @@ class RegularField(Field):
     (120, (0.5, 0.5, 2.0))
     """
 
-    __slots__ = ("_lattice", "_nan", "_origin", "_radius", "_settled", "_spacing")
+    __slots__ = ("_base", "_boundary", "_lattice", "_nan", "_origin", "_radius", "_settled", "_spacing")
     native: _sheetsplat.RegularField
 
     def __init__(
@@ -171,6 +188,8 @@ class RegularField(Field):
         w0: float = 1.0,
         prefilter: bool | None = None,
         nan: NanPolicy = "error",
+        boundary: Boundary = "edge",
+        base: float | None = None,
     ) -> None:
         self._quantity, self._opened, self._orientation, self._trim = Quantity(), NOT_OPENED, None, Trim()
         self._spacing = triple("RegularField: spacing", spacing)
@@ -181,9 +200,14 @@ class RegularField(Field):
         self._normalization = choice("RegularField: normalization", normalization, ("none", "lattice", "threshold"))
         self._w0 = number("RegularField: w0", w0)
         self._nan = choice("RegularField: nan", nan, ("error", "skip"))
+        self._boundary = choice("RegularField: boundary", boundary, BOUNDARIES)
+        self._base = optional_number("RegularField: base", base)
         self._settled = prefilter is not None
         wanted = prefilter is not None and truth("RegularField: prefilter", prefilter)
-        self.native = self._made(as_samples(values), prefilter=wanted)
+        if wanted and self._normalization == "none":
+            # That of the coefficients: the base is the one of the samples.
+            self._normalization = "lattice"
+        self.native = self._made(as_samples(values, contiguous=False), prefilter=wanted)
         if self.prefilter:
             self._normalization = "none"
 
@@ -194,9 +218,14 @@ class RegularField(Field):
         prefilter: bool = False,
         coefficients: NDArray[Any] | None = None,
         figures: dict[str, float] | None = None,
+        base: float | None = None,
+        boundary: str | None = None,
         **of_part: Any,
     ) -> _sheetsplat.RegularField:
-        """Return the native field of some samples with this field's options; coefficients: found before."""
+        """Return the native field of some samples with this field's options.
+
+        With coefficients that were found before goes the base that they are counted from.
+        """
         return _sheetsplat.RegularField(
             samples,
             spacing=self._spacing,
@@ -208,6 +237,8 @@ class RegularField(Field):
             w0=self._w0,
             nan=self._nan,
             prefilter=prefilter,
+            boundary=self._boundary if boundary is None else boundary,
+            base=self._base if base is None else base,
             coefficients=coefficients,
             figures=figures,
             **of_part,
@@ -218,12 +249,15 @@ class RegularField(Field):
             "samples": self.values,
             "coefficients": self.coefficients if self.prefilter else None,
             "figures": self.native.prefilter_figures,
+            "base": self.native.base,
         }
 
     def _restore(self, parts: dict[str, Any]) -> None:
         for name in PARTS:
             setattr(self, name, parts[name])
-        self.native = self._made(parts["samples"], coefficients=parts["coefficients"], figures=parts["figures"])
+        self.native = self._made(
+            parts["samples"], coefficients=parts["coefficients"], figures=parts["figures"], base=parts["base"]
+        )
 
     def replace(self, values: ArrayLike | None = None, **changes: Any) -> RegularField:
         """Return a field with other samples, or some options changed, and all else as in this one.
@@ -233,7 +267,8 @@ class RegularField(Field):
         values
             Its samples; the same ones unless given.
         changes
-            Options of `RegularField`. Where only `prefilter` is taken back, the normalisation is "lattice".
+            Options of `RegularField`. Where only `prefilter` is taken back, the normalisation is "lattice". A base that
+            was not given is found anew.
 
         Raises
         ------
@@ -270,6 +305,7 @@ class RegularField(Field):
         value_range: tuple[float, float] | None = None,
         coefficients: NDArray[Any] | None = None,
         figures: dict[str, float] | None = None,
+        least_weight: float = 0.0,
         **options: Any,
     ) -> RegularField:
         """Return the field of a part of a larger volume, for pictures in bricks.
@@ -279,27 +315,35 @@ class RegularField(Field):
         values
             Samples of the part, [k, j, i].
         value_range
-            Range of the factors of all kernels of the volume, by which pictures scale their numbers.
+            Range of the factors of all kernels of the volume, counted from its base, by which pictures scale their
+            numbers.
         coefficients, figures
             What the prefilter found for these samples in their surroundings.
+        least_weight
+            Points of a smaller sum of weights are empty.
         options
             Those of `RegularField`, except `prefilter`.
         """
         field = cls(np.zeros((1, 1, 1)), **options)
         field.native = field._made(
-            as_samples(values), coefficients=coefficients, figures=figures, value_range=value_range
+            as_samples(values, contiguous=False),
+            coefficients=coefficients,
+            figures=figures,
+            value_range=value_range,
+            least_weight=least_weight,
         )
         return field
 
     values = Forwarded[NDArray[Any]](
         "native.given_values",
-        "The samples, shape (nk, nj, ni), in the type in which they are kept; read-only, no copy.",
+        "The samples, shape (nk, nj, ni), in the type in which they are kept; read-only, no copy. Rows may not follow "
+        "each other without gaps.",
     )
 
     @property
     def samples(self) -> Samples:
         """Statistics of the samples from which colours and opacity are chosen."""
-        return ArraySamples(self.values)
+        return ArraySamples(self.values, self._lattice)
 
     @property
     def value_range(self) -> tuple[float, float]:
@@ -353,13 +397,36 @@ class RegularField(Field):
     lattice = Forwarded[str]("_lattice", 'Either "cartesian" or "bcc".')
     radius = Forwarded[float]("_radius", "Radius of a kernel's support, in sample distances.")
     nan = Forwarded[str]("_nan", 'What a NaN sample is: "error" or "skip".')
+    boundary = Forwarded[str]("_boundary", 'What lies beyond the outermost samples: "edge" or "zero".')
+    given_base = Forwarded[float | None]("_base", "The base that was given, or None.")
+
+    @property
+    def domain(self) -> Bounds | None:
+        """World-aligned box where the volume ends: its lower and its upper corner; None where it ends nowhere."""
+        lower, upper = self.native.domain
+        return (lower, upper) if all(a <= b for a, b in zip(lower, upper, strict=True)) else None
+
+    def _inside(self, points: NDArray[np.float64]) -> NDArray[np.bool_] | None:
+        box = self.domain
+        if box is None:
+            return None
+        found: NDArray[np.bool_] = np.all((points >= box[0]) & (points <= box[1]), axis=1)
+        return found
+
+    @property
+    def _least_divisor(self) -> float | None:
+        least = self._least_weight
+        return super()._least_divisor if least == 0.0 else least
 
     def __repr__(self) -> str:
         """Return a short description."""
         nk, nj, ni = self.shape
         low, high = self.value_range
+        counted = f", base {self.base:g}" if self.base else ""
+        boundary = ", boundary 'zero'" if self._boundary == "zero" else ""
         return (
             f"{type(self).__name__}({ni} x {nj} x {nk} {self.samples.dtype.name}, {self._lattice}, "
-            f"spacing {self._spacing}, values {low:g} to {high:g}{', prefiltered' if self.prefilter else ''}"
+            f"spacing {self._spacing}, values {low:g} to {high:g}{counted}{boundary}"
+            f"{', prefiltered' if self.prefilter else ''}"
             f"{self._up_text})"
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, Protocol
 
@@ -9,6 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+
+# Samples of a volume that are looked at.
+_MOST = 400_000
+
+
+def grid_steps(shape: tuple[int, ...], lattice: str) -> list[int]:
+    """Return of how many samples along each axis one is looked at."""
+    step = max(1, math.ceil((math.prod(shape) / _MOST) ** (1 / 3)))
+    steps = [min(step, size) for size in shape]
+    if lattice == "bcc":
+        # Every second layer is shifted.
+        steps[0] |= 1
+    return steps
 
 
 class Samples(Protocol):
@@ -38,6 +52,10 @@ class Samples(Protocol):
 
     def every(self, stride: int) -> NDArray[Any]:
         """Return every n-th sample, counted along the last axis first, (N,)."""
+
+    @property
+    def steps(self) -> Sequence[int]:
+        """Of how many samples along each axis one is looked at for what lies where."""
 
     def on_grid(self, steps: Sequence[int]) -> NDArray[Any]:
         """Return every n-th sample along each axis."""
@@ -70,10 +88,10 @@ class Samples(Protocol):
 class ArraySamples:
     """The samples of an array."""
 
-    __slots__ = ("values",)
+    __slots__ = ("lattice", "values")
 
-    def __init__(self, values: NDArray[Any]) -> None:
-        self.values = values
+    def __init__(self, values: NDArray[Any], lattice: str = "cartesian") -> None:
+        self.values, self.lattice = values, lattice
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -97,7 +115,16 @@ class ArraySamples:
 
     def every(self, stride: int) -> NDArray[Any]:
         """Return every n-th sample."""
-        return self.values.reshape(-1)[::stride]
+        if stride == 1 or self.values.flags.c_contiguous:
+            return self.values.reshape(-1)[::stride]
+        # Rows with gaps between them: without a copy of all.
+        picked: NDArray[Any] = self.values.flat[::stride]
+        return picked
+
+    @property
+    def steps(self) -> Sequence[int]:
+        """Of how many samples along each axis one is looked at."""
+        return grid_steps(self.shape, self.lattice)
 
     def on_grid(self, steps: Sequence[int]) -> NDArray[Any]:
         """Return every n-th sample along each axis."""
@@ -114,7 +141,7 @@ class ArraySamples:
 
     def number(self, at: int) -> float:
         """Return one sample by its number."""
-        return float(self.values.reshape(-1)[at])
+        return float(self.values[np.unravel_index(at, self.values.shape)])
 
     def roughness(self, starts: Sequence[int], apart: int, values: tuple[float, float]) -> tuple[float, float]:
         """Return the mean square of second differences, and the variance."""

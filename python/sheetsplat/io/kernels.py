@@ -7,6 +7,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sheetsplat._checks import choice, number
 from sheetsplat.errors import complain, option_ref
@@ -33,20 +34,20 @@ def logarithm(values: Floats, what: str, floor: bool | float) -> Floats:
     return np.asarray(np.maximum(np.log10(np.maximum(values, base)) - math.log10(base), 0.0))
 
 
-def log_base(values: Floats, what: str, floor: bool | float) -> float:
+def log_base(values: NDArray[Any], what: str, floor: bool | float) -> float:
     """Return the value that `logarithm` counts decades from: the smallest, or `floor`. Raises what that raises."""
     if floor is True:
-        above = values[values > 0]
-        if above.size < values.size:
+        above, missing = values[values > 0], int(np.isnan(values).sum()) if values.dtype.kind == "f" else 0
+        if above.size + missing < values.size or not above.size:
             smallest = f"; the smallest one above 0 is {above.min():g}" if above.size else ""
             raise complain(
                 f"the logarithm of {what} cannot be taken",
-                f"{values.size - above.size} of {values.size} values that are not above 0{smallest}",
+                f"{values.size - above.size - missing} of {values.size} values that are not above 0{smallest}",
                 "values above 0",
                 "pass " + option_ref("log", "...") + ", a floor to which all smaller values are raised",
                 option="log",
             )
-        return float(values.min())
+        return float(above.min())
     base = number("log", floor)
     if not (math.isfinite(base) and base > 0):
         raise complain("log cannot be used", f"a floor of {base:g}", "True, or a floor above 0")
@@ -62,6 +63,7 @@ def field_of(
     w0: float | None = None,
     falloff: float | None = None,
     min_scale: float | None = None,
+    base: float | None = None,
     logarithmic: bool | float = False,
 ) -> EllipsoidField:
     """Return a field of ellipsoids.
@@ -76,7 +78,7 @@ def field_of(
         need `fit` or `neighbors`.
     neighbors
         Of "nearest".
-    normalization, w0, falloff, min_scale
+    normalization, w0, falloff, min_scale, base
         As for `EllipsoidField`; from the file unless given.
     logarithmic
         True or a floor: show the `logarithm`.
@@ -96,6 +98,7 @@ def field_of(
         normalization=data.normalization if normalization is None else normalization,
         w0=data.w0 if w0 is None else w0,
         min_scale=min_scale,
+        base=base,
     )
     if how == "own" and data.supports is None:
         scales = data.scales

@@ -24,11 +24,17 @@ from sheetsplat.io.records import Scattered, Volume
 from sheetsplat.io.source import opened
 
 # Options of regular volumes alone, and of scattered data alone.
-REGULAR = ("shape", "dtype", "offset", "name", "resample", "spacing", "origin", "lattice", "radius", "prefilter", "nan")
+REGULAR = (
+    *("shape", "dtype", "offset", "name", "resample", "spacing", "origin", "lattice", "radius", "prefilter", "nan"),
+    "boundary",
+)
 SCATTERED_ONLY = ("grid", "particles", "support", "fit", "neighbors", "min_scale")
 _POINTS = ("grid", "scalar", "particles", "support", "step")
-_ELLIPSOIDS = ("fit", "neighbors", "normalization", "w0", "falloff", "min_scale")
-_SAMPLES = ("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan")
+_ELLIPSOIDS = ("fit", "neighbors", "normalization", "w0", "falloff", "min_scale", "base")
+_SAMPLES = (
+    *("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan"),
+    *("boundary", "base"),
+)
 _RAW = ("shape", "dtype", "offset", "name", "resample", "step")
 #: Options that say how data are read.
 READING = (*_RAW, *_POINTS)

@@ -49,7 +49,7 @@ def choose(fields: Sequence[Field]) -> Look:
     field = max(fields, key=lambda one: one.size)
     if isinstance(field, RegularField):
         _warn_of_extremes(field.samples)
-        return choose_for(field.samples, decades=field.quantity.floor is not None)
+        return choose_for(field.samples, decades=field.quantity.floor is not None, spacing=field.spacing)
     if not isinstance(field, EllipsoidField):
         raise TypeError(f"automatic.choose: {type(field).__name__}")
     solid = _of_solid(field)
@@ -147,8 +147,10 @@ def _wide_enough(look: Look, field: EllipsoidField) -> Look:
         "for the others; their logarithm, " + option_ref("log", "true") + ", would show both"
     )
     stretch = largest / (_WIDEST * (high - low))
-    pairs = tuple((low + (value - low) * stretch, opacity) for value, opacity in look.opacity)
-    return replace(look, clim=(low, low + (high - low) * stretch), opacity=pairs)
+    # Of values on both sides of a level that one stays.
+    fixed = low if look.cmap is None else 0.5 * (low + high)
+    pairs = tuple((fixed + (value - fixed) * stretch, opacity) for value, opacity in look.opacity)
+    return replace(look, clim=(fixed + (low - fixed) * stretch, fixed + (high - fixed) * stretch), opacity=pairs)
 
 
 def _usual_spacing(places: NDArray[np.float64], spacing: float) -> float:

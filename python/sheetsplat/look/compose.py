@@ -104,7 +104,9 @@ def _warn_of_one_value(scene: Scene) -> None:
     if scene.mode == "xray" or not volumes or not all(isinstance(one, RegularField) for one in volumes):
         return
     (low, high), *others = [one.value_range for one in volumes]
-    told_as_empty = (low == 0.0 and scene.mode != "composite") or (low < 0.0 and scene.mode == "mip")
+    # A surface lies where values differ: in volumes that end there is none.
+    ends = scene.mode == "isosurface" and all(isinstance(one, RegularField) and one.domain for one in volumes)
+    told_as_empty = ends or (low == 0.0 and scene.mode != "composite")
     if low == high and all(found == (low, low) for found in others) and not told_as_empty:
         shown = "a translucent block, with limits around that value" if scene.mode == "composite" else "its block"
         warn(f"all samples are {low:g}: there is nothing in the volume to tell apart, and the picture shows {shown}")
@@ -173,6 +175,7 @@ def _transfer_function(
     look = automatic.choose(fields) if opacity is None or clim is None else None
     if clim is None:
         assert look is not None
+        cmap = look.cmap if cmap is None else cmap
         clim = look.clim
         opacity = look.opacity if opacity is None else opacity
     elif opacity is None:

@@ -13,7 +13,6 @@ from sheetsplat.fields import BrickedField, EllipsoidField, Field, RegularField
 from sheetsplat.look import automatic
 from sheetsplat.look.histogram import stride_of
 from sheetsplat.notices import is_muted, warn
-from sheetsplat.options.core import SCALAR
 from sheetsplat.quality.thin import may_be_thin
 
 if TYPE_CHECKING:
@@ -34,7 +33,7 @@ _OVERSHOOT, _RIPPLE = 0.4, 0.02
 def is_empty(image: Image, scene: Scene) -> bool:
     """Return whether nothing can be seen: opacity 0 everywhere, or the background alone, or only zeros."""
     if image.is_scalar:
-        return not image.scalar.any()
+        return not np.nan_to_num(image.scalar).any()
     if scene.background is None:
         return not image.rgba[..., 3].any()
     behind = np.asarray((*scene.background, 1.0), dtype=np.float32)
@@ -86,18 +85,15 @@ def why_empty(
     values = f"the values {low:g} to {high:g}"
     if low == high == 0 and scene.mode != "composite":
         return "all values are 0"
-    if scene.mode in SCALAR:
-        if scene.mode == "mip" and high <= 0:
-            return f"mode mip shows nothing below 0, and {values} are"
-    elif scene.mode == "isosurface":
-        outside = _outside(scene, low, high)
+    if scene.mode == "isosurface":
+        outside = _outside(scene, low, high, sum(one.base for one in known))
         if len(outside) == len(scene.surfaces):
             return _told_outside(outside, values)
         if not any(opacity for iso, opacity in scene.surfaces if iso not in outside):
             return "the opacity of the surfaces is 0"
-    elif all(function.max_opacity == 0 for function in scene.transfer_functions):
+    elif scene.mode == "composite" and all(function.max_opacity == 0 for function in scene.transfer_functions):
         return "the opacity is 0 everywhere"
-    elif len(scene.transfer_functions) == 1:
+    elif scene.mode == "composite" and len(scene.transfer_functions) == 1:
         function = scene.transfer_functions[0]
         inside = [value for value in function.points[:, 0].tolist() if low <= value <= high]
         if not function.at([low, *inside, high])[..., 3].any():
@@ -118,9 +114,9 @@ def why_empty(
     return "perhaps the camera looks past the field"
 
 
-def _outside(scene: Scene, low: float, high: float) -> list[float]:
-    """Return the iso values that no scalar between two numbers reaches; outside the supports the scalar is 0."""
-    return [iso for iso, _ in scene.surfaces if not min(low, 0.0) <= iso <= max(high, 0.0)]
+def _outside(scene: Scene, low: float, high: float, base: float) -> list[float]:
+    """Return the iso values that no scalar between two numbers reaches; where no kernel reaches it is the base."""
+    return [iso for iso, _ in scene.surfaces if not min(low, base) <= iso <= max(high, base)]
 
 
 def _told_outside(outside: Sequence[float], values: str) -> str:
@@ -135,10 +131,12 @@ def _absent_surfaces(scene: Scene) -> str:
         return ""
     ranges = [_range_of(one) for one in known]
     # Of each group where it is alone, and of sums.
-    low, high = sum(min(low, 0.0) for low, _ in ranges), sum(max(high, 0.0) for _, high in ranges)
+    bases = [one.base for one in known]
+    low = sum(min(low, base) for (low, _), base in zip(ranges, bases, strict=True))
+    high = sum(max(high, base) for (_, high), base in zip(ranges, bases, strict=True))
     interpolated = any(isinstance(one, RegularField) and one.prefilter for one in known)
     beyond = (_OVERSHOOT if interpolated else _RIPPLE) * (high - low)
-    outside = _outside(scene, low - beyond, high + beyond)
+    outside = _outside(scene, low - beyond, high + beyond, sum(bases))
     return _told_outside(outside, f"the values {low:g} to {high:g}") if outside else ""
 
 
@@ -175,7 +173,8 @@ def why_one_color(image: Image, scene: Scene) -> str:
             return "none of its numbers is above 0, as their logarithms need"
         if colors.clim is None:
             return ""
-        return _beyond((float(image.scalar.min()), float(image.scalar.max())), colors.limits(image.scalar))
+        numbers = image.scalar[~np.isnan(image.scalar)]
+        return _beyond((float(numbers.min()), float(numbers.max())), image.clim) if numbers.size else ""
     if scene.mode != "composite":
         return ""
     for number, (group, function) in enumerate(zip(scene.groups, scene.transfer_functions, strict=True)):
@@ -209,8 +208,8 @@ def _bounds_of_group(fields: Sequence[Field], function: TransferFunction) -> tup
                 return None
             low, high = _range_of(one)
         if isinstance(one, EllipsoidField):
-            # Where few kernels overlap, the scalar falls to 0.
-            low, high = min(low, 0.0), max(high, 0.0)
+            # Where few kernels overlap, the scalar falls to the base.
+            low, high = min(low, one.base), max(high, one.base)
         elif one.normalization == "none" and not (isinstance(one, RegularField) and one.prefilter):
             return None
         bounds.append((low, high))

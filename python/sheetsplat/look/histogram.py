@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.fields.samples import Samples, samples_of
+from sheetsplat.look.background import is_above, is_signed, step_of_distances, without_padding
 
 # More samples than this do not change a histogram.
 _ENOUGH = 1_000_000
@@ -28,6 +30,10 @@ _OUTLYING = 1e-4
 _APART = 100.0
 # Sums of float64 resolve the others beside values up to so many times their range.
 _RESOLVED = 1e10
+# Colours of values on both sides of a level.
+DIVERGING = "coolwarm"
+# Opacity of what a surface encloses, at depths below it in sample distances.
+_ENCLOSED = ((0.0, 0.0), (1.5, 0.9))
 
 
 @dataclass(frozen=True)
@@ -48,6 +54,8 @@ class Look:
         Distance of slices in world units that shows borders without steps; None: the default of the fields.
     reference_length
         Length in world units to which these opacities refer; None: the default of the fields.
+    cmap
+        Colormap that suits these limits; None: the default.
     """
 
     clim: tuple[float, float]
@@ -56,6 +64,7 @@ class Look:
     top_opacity: float = TOP_OPACITY
     slice_spacing: float | None = None
     reference_length: float | None = None
+    cmap: str | None = None
 
 
 def scaled_opacity(look: Look, share: float) -> Look:
@@ -81,7 +90,9 @@ def _samples(samples: Samples) -> NDArray[np.float64]:
 
 def _between_classes(values: NDArray[np.float64]) -> float:
     """Return the threshold that splits values best into two classes (Otsu 1979)."""
-    counts, edges = np.histogram(values, bins=_BINS)
+    # Squares must not overflow, and the smallest numbers have bins too; scaling by a power of two is exact.
+    power = math.frexp(float(np.abs(values).max()))[1]
+    counts, edges = np.histogram(np.ldexp(values, -power), bins=_BINS)
     weights = counts / counts.sum()
     centres = 0.5 * (edges[1:] + edges[:-1])
     below = np.cumsum(weights)[:-1]
@@ -91,7 +102,7 @@ def _between_classes(values: NDArray[np.float64]) -> float:
     spread = np.nan_to_num(spread, nan=-1.0, posinf=-1.0)
     # All empty bins between two classes are equally good thresholds: take the middle of them.
     best = np.flatnonzero(spread >= spread.max() * (1 - 1e-12))
-    return float(0.5 * (edges[1:-1][best[0]] + edges[1:-1][best[-1]]))
+    return math.ldexp(float(0.5 * (edges[1:-1][best[0]] + edges[1:-1][best[-1]])), power)
 
 
 def _inner_range(values: NDArray[np.float64]) -> tuple[float, float] | None:
@@ -133,6 +144,11 @@ def without_outliers(
     if reach < low - float(values.min()) < most and _are_alone(known, (low - reach) * scale, above=False):
         values = np.maximum(values, low)
     return values
+
+
+def inner_range(samples: Samples) -> tuple[float, float] | None:
+    """Return the range of samples without those that may be outliers; None where it is empty or hardly anything."""
+    return _inner_range(_samples(samples))
 
 
 def beyond_pictures(samples: NDArray[Any] | Samples) -> tuple[float, float, float] | None:
@@ -182,8 +198,17 @@ def _are_alone(samples: Samples, limit: float, *, above: bool) -> bool:
     return 2 * int(beside.sum()) <= at.size
 
 
-def choose_for(samples: NDArray[Any] | Samples, *, decades: bool = False, extremes: bool = False) -> Look:
+def choose_for(
+    samples: NDArray[Any] | Samples,
+    *,
+    decades: bool = False,
+    extremes: bool = False,
+    spacing: Sequence[float] = (1.0, 1.0, 1.0),
+) -> Look:
     """Return limits and opacities for samples.
+
+    Opacity rises from the background: upwards from the lower end of the range, unless values lie on both sides of 0
+    (`is_signed`), the background is at the upper end, or values are distances from a surface.
 
     Parameters
     ----------
@@ -193,16 +218,61 @@ def choose_for(samples: NDArray[Any] | Samples, *, decades: bool = False, extrem
         They are logarithms.
     extremes
         The largest values count although they are few, unless they more than double the range.
+    spacing
+        Of a volume, along x, y and z.
     """
     known = samples_of(samples)
     values = _samples(known)
     # Differences of the largest numbers must not overflow; scaling by a power of two is exact.
     scale = 4.0 if values.size and float(np.abs(values).max()) > 1e307 else 1.0
-    if not decades:
-        values = without_outliers(values / scale, known, scale) * scale
-    look = _choose(values / scale, even=decades, extremes=extremes)
-    pairs = tuple((value * scale, opacity) for value, opacity in look.opacity)
-    return Look((look.clim[0] * scale, look.clim[1] * scale), pairs, look.surface * scale)
+    if decades:
+        return _scaled(_choose(values / scale, even=True, extremes=extremes), scale)
+    values = without_outliers(values / scale, known, scale)
+    step = step_of_distances(values, known, spacing) if scale == 1.0 else 0.0
+    if step:
+        return _enclosed(values, step)
+    if is_signed(values):
+        return _scaled(_both_sides(values, extremes=extremes), scale)
+    values = without_padding(values, known, scale, _threshold)
+    if is_above(values, known, scale, _middle(values)):
+        return _scaled(_choose(-values, even=False, extremes=extremes), -scale)
+    return _scaled(_choose(values, even=False, extremes=extremes), scale)
+
+
+def _scaled(look: Look, scale: float) -> Look:
+    """Return the look of values times `scale`."""
+    low, high = sorted(part * scale for part in look.clim)
+    pairs = tuple(sorted((value * scale, opacity) for value, opacity in look.opacity))
+    return replace(look, clim=(low, high), opacity=pairs, surface=look.surface * scale)
+
+
+def _middle(values: NDArray[np.float64]) -> float:
+    """Return the threshold between two classes of values as they are."""
+    low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
+    # Of large numbers that hardly differ, too.
+    return low + _between_classes(values - low) if low < high else math.inf
+
+
+def _threshold(values: NDArray[np.float64]) -> float:
+    """Return the threshold between objects and a background at the lower end of a range."""
+    low = float(values.min())
+    return low + _between_classes(np.sqrt(values - low)) ** 2
+
+
+def _enclosed(values: NDArray[np.float64], step: float) -> Look:
+    """Return the look of what a surface encloses, of distances from it that grow outwards by `step` a sample."""
+    pairs = sorted((0.0 - depth * step, opacity) for depth, opacity in _ENCLOSED)
+    inside = (float(values.min()), 0.0) if step > 0.0 else (0.0, float(values.max()))
+    return Look(inside, tuple(pairs), 0.0, _ENCLOSED[-1][1])
+
+
+def _both_sides(values: NDArray[np.float64], *, extremes: bool) -> Look:
+    """Return a look whose opacities rise from 0 to both sides."""
+    look = _choose(np.abs(values), even=False, extremes=extremes)
+    above = look.opacity if look.opacity[0][0] > 0.0 else ((0.0, 0.0), *look.opacity[1:])
+    below = tuple((-value, opacity) for value, opacity in reversed(above) if value > 0.0)
+    top = look.clim[1]
+    return replace(look, clim=(-top, top), opacity=(*below, *above), cmap=DIVERGING)
 
 
 def _choose(values: NDArray[np.float64], *, even: bool, extremes: bool) -> Look:
@@ -215,7 +285,7 @@ def _choose(values: NDArray[np.float64], *, even: bool, extremes: bool) -> Look:
         return Look((low - width, high + width), ((low - width, 0.05), (high + width, 0.05)), surface)
     # Low values vary little and high ones much. Square roots make the variation similar, so that thin branches and
     # faint shells are classified as objects, not as background; logarithms do that already.
-    start = low + (_between_classes(values - low) if even else _between_classes(np.sqrt(values - low)) ** 2)
+    start = low + _between_classes(values - low) if even else _threshold(values)
     shown = values[values > start]
     top = float(np.percentile(shown, _TOP_PERCENTILE)) if shown.size else high
     if not start < top or (extremes and high - start <= _WHOLE * (top - start)):

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.fields import EllipsoidField, RegularField
+from sheetsplat.fields.samples import grid_steps
 
 Floats = NDArray[np.float64]
 
 # Positions in each field.
-_MOST = 400_000
 _MOST_KERNELS = 40_000
 # Positions in a field of few kernels, several in each.
 _FEW = 20_000
@@ -31,7 +31,7 @@ _PER_CELL = 4.0
 
 def with_values(field: EllipsoidField, values: Floats) -> EllipsoidField:
     """Return a field of the same kernels with other values, (N,)."""
-    names = ("weights", "normalization", "w0", "falloff", "min_scale", "cell_volume")
+    names = ("weights", "normalization", "w0", "falloff", "min_scale", "cell_volume", "base")
     options: Any = {name: getattr(field, name) for name in names}
     return EllipsoidField(field.centers, field.scales, field.rotations, values, **options)
 
@@ -54,16 +54,6 @@ class Measure:
     values: Floats
     volumes: Floats
     reaches: Floats
-
-
-def grid_steps(shape: tuple[int, int, int], lattice: str) -> list[int]:
-    """Return of how many samples along each axis one is looked at."""
-    step = max(1, math.ceil((math.prod(shape) / _MOST) ** (1 / 3)))
-    steps = [min(step, size) for size in shape]
-    if lattice == "bcc":
-        # Every second layer is shifted.
-        steps[0] |= 1
-    return steps
 
 
 def measure_volumes(fields: Sequence[RegularField]) -> Measure:

@@ -18,7 +18,7 @@ from sheetsplat.errors import Words, option_ref
 from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Field, RegularField
 from sheetsplat.fields.samples import ArraySamples, Samples
 from sheetsplat.fields.trim import Trim
-from sheetsplat.look.histogram import within_pictures
+from sheetsplat.look.histogram import inner_range, within_pictures
 from sheetsplat.notices import warn
 from sheetsplat.options.core import COLORED
 
@@ -56,7 +56,7 @@ def without_strays(fields: Sequence[Field], look: Mapping[str, Any], *, framed: 
     """
     shown = list(fields)
     if look.get("mode", "composite") in COLORED and not any(look.get(name) is not None for name in _IN_VALUES):
-        shown = [_within(one, look.get("clim")) for one in shown]
+        shown = [_counted_from_most(_within(one, look.get("clim"))) for one in shown]
     if framed and look.get("slice_spacing") is None:
         shown = [_near(one, shown) if isinstance(one, EllipsoidField) else one for one in shown]
     return shown
@@ -76,7 +76,7 @@ def trimmed(field: Field, trim: Trim) -> Field:
         return field.replace(values).with_trim(trim)
     made = cast(EllipsoidField, field)
     kept = np.setdiff1d(np.arange(made.size), trim.kernels)
-    names = ("normalization", "w0", "falloff", "min_scale", "cell_volume")
+    names = ("normalization", "w0", "falloff", "min_scale", "cell_volume", "base")
     options: Any = {name: getattr(made, name) for name in names}
     rotations, weights = (None if rows is None else rows[kept] for rows in (made.rotations, made.weights))
     fewer = EllipsoidField(made.centers[kept], made.scales[kept], rotations, values[kept], weights=weights, **options)
@@ -108,6 +108,25 @@ def _within(field: Field, clim: Any) -> Field:
         f"both: drawn as {min(max(worst, low), high):g}; " + advice + "to see it, pass " + option_ref("clim")
     )
     return trimmed(field, Trim(limits=(low, high)))
+
+
+def _counted_from_most(field: Field) -> Field:
+    """Return a volume whose values are counted from the middle of all but its outliers, where these set its base.
+
+    The base that nobody gave may be the middle of the range, and sums resolve shares of what is counted from it: a
+    single sample far away would take the digits of all others.
+    """
+    if not isinstance(field, RegularField) or isinstance(field, BrickedField) or not field.size:
+        return field
+    if field.given_base is not None or field.boundary != "edge" or field.samples.dtype.kind != "f":
+        return field
+    inner = inner_range(field.samples)
+    if inner is None:
+        return field
+    low, high = inner
+    if low - (high - low) <= field.base <= high + (high - low):
+        return field
+    return field.replace(base=0.5 * low + 0.5 * high)
 
 
 def _reaches(clim: Any, limits: tuple[float, float]) -> bool:

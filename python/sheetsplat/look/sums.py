@@ -36,7 +36,7 @@ def spacing_of_numbers(fields: Sequence[Field]) -> float | None:
         scales = one.scales[some]
         axes = np.repeat(scales[:, None], 3, axis=1) if scales.ndim == 1 else scales
         sizes = np.exp(np.log(axes).mean(axis=1))
-        values = np.abs(one.values[some]).astype(np.float64)
+        values = np.abs(one.values[some].astype(np.float64) - one.base)
         if one.normalization == "none" and one.weights is not None:
             values = values * one.weights[some]
         thinnest.append(axes.min(axis=1))

@@ -38,8 +38,9 @@ def surface_limits(fields: Sequence[Field], iso_value: IsoValue) -> tuple[float,
         return None
     low, high = _range_of(fields)
     if not low < iso_value < high:
-        # Outside the supports the scalar is 0.
-        low, high = min(low, 0.0), max(high, 0.0)
+        # Where no kernel reaches the scalar is the base.
+        base = sum(one.base for one in fields)
+        low, high = min(low, base), max(high, base)
     width = high - low
     if low < iso_value < high and width > 1e-6 * abs(iso_value):
         below, above = iso_value - low, high - iso_value

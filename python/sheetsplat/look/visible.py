@@ -24,7 +24,9 @@ _FEW_BRIGHT = 2e-4
 _OUTLIERS = 0.002
 # Parts of a picture that hang together and have less than this share of its opacity are strays, and do not count where
 # all others together are smaller than that share of the picture's size; but strays have at most so much of the opacity.
+# Where there are many parts, none of which is large, those at least so large beside the largest are none.
 _STRAY = 0.05
+_ALIKE = 0.05
 _WITHOUT_STRAYS = 0.7
 _STRAYS = 0.25
 # What fills less of a coarse picture than this is looked at again, nearer.
@@ -112,7 +114,7 @@ def _without_strays(places: Floats, weights: Floats, *, as_sum: bool) -> NDArray
     opacity = depth if as_sum else -np.expm1(-depth)
     parts = _connected(opacity > 0)
     shares = np.bincount(parts.ravel(), opacity.ravel()) / opacity.sum()
-    large = shares >= _STRAY
+    large = shares >= min(_STRAY, _ALIKE * float(shares.max()))
     if not large.any() or shares[~large].sum() > _STRAYS:
         return every
     kept: NDArray[np.bool_] = large[parts[at[:, 0], at[:, 1]]]
@@ -163,10 +165,22 @@ def _lattice(field: RegularField) -> tuple[Any, ...]:
 
 def _shown(values: Floats, scene: Scene, others: Sequence[Field], function: TransferFunction) -> Floats:
     """Return optical depths of values; where other fields may be added, the largest of without, lowest and highest."""
-    ranges = [one.value_range for one in others]
-    shifts = {0.0, sum(min(low, 0.0) for low, _ in ranges), sum(max(high, 0.0) for _, high in ranges)}
+    ranges = [(*one.value_range, one.base) for one in others]
+    shifts = {
+        sum(base for _, _, base in ranges),
+        sum(min(low, base) for low, _, base in ranges),
+        sum(max(high, base) for _, high, base in ranges),
+    }
     found: Floats = np.max([_depths(values + shift, scene, function) for shift in shifts], axis=0)
     return found
+
+
+def _limits_of(scene: Scene) -> tuple[float, float]:
+    """Return about the limits of the colours of a scalar picture: those of the values, and 0 where it is near."""
+    ranges = [one.value_range for one in scene.fields if one.size]
+    low, high = sum(first for first, _ in ranges), sum(last for _, last in ranges)
+    near = min(abs(low), abs(high)) <= high - low or low == high
+    return (min(low, 0.0), max(high, 0.0)) if near else (low, high)
 
 
 def _depths(values: Floats, scene: Scene, function: TransferFunction) -> Floats:
@@ -174,7 +188,7 @@ def _depths(values: Floats, scene: Scene, function: TransferFunction) -> Floats:
     if scene.mode == "xray":
         return np.abs(values)
     if scene.mode in ("mip", "average"):
-        low, high = scene.scalar_colors.clim or (0.0, sum(max(one.value_range[1], 0.0) for one in scene.fields))
+        low, high = scene.scalar_colors.clim or _limits_of(scene)
         return np.where(values > low + _VISIBLE * (high - low), 1e3 / scene.reference_length, 0.0)
     if scene.mode == "isosurface":
         # A wall of any thickness hides what is behind it.

@@ -6,10 +6,10 @@ from typing import Annotated, Literal, TypedDict, get_args
 from numpy.typing import DTypeLike
 
 from sheetsplat._checks import Vector
-from sheetsplat.fields import EllipsoidField, Lattice, NanPolicy, Normalization, RegularField
+from sheetsplat.fields import Boundary, EllipsoidField, Lattice, NanPolicy, Normalization, RegularField
 from sheetsplat.options.core import CommandLine, Option, defaults_of, value_text
 from sheetsplat.options.quality import QualityOptions
-from sheetsplat.options.values import POSITIVE, Numbers, Special, Whole
+from sheetsplat.options.values import NUMBER, POSITIVE, Numbers, Special, Whole
 
 Fit = Literal["delaunay", "nearest"]
 FITS: tuple[str, ...] = get_args(Fit)
@@ -95,6 +95,23 @@ class KernelOptions(TypedDict, total=False):
         NanPolicy | None,
         Option(
             'Volumes: what to do with NaN samples; "skip" leaves their kernels out.', unset=value_text(_VOLUME["nan"])
+        ),
+    ]
+    boundary: Annotated[
+        Boundary | None,
+        Option(
+            'Volumes: what lies beyond the outermost samples; "edge": the data end half a sample farther out; "zero": '
+            "they fall to {base} within a kernel's radius.",
+            unset=value_text(_VOLUME["boundary"]),
+        ),
+    ]
+    base: Annotated[
+        float | None,
+        Option(
+            "What values are counted from: the value where no kernel reaches.",
+            unset='0 for scattered data, {boundary} "zero" and {normalization} "none"; else the value of the first '
+            "sample or the middle of the range, by the data",
+            value=NUMBER,
         ),
     ]
 

@@ -20,14 +20,14 @@ class TransferOptions(TypedDict, total=False):
         Option(
             "Colormap: a name of the package cmap (viridis, gray, matlab:jet …), or names of colours, spread evenly "
             "over {clim}.",
-            unset=f'"{DEFAULT_CMAP}", and "gray" in scalar modes',
+            unset=f'"{DEFAULT_CMAP}", "coolwarm" for values on both sides of 0, and "gray" in scalar modes',
             accepts="str, sequence of str, array (N, 3) or (N, 4), or function",
             cli=(
                 CommandLine(
                     value=Special.COLORMAP,
                     help="Colormap: a name of the package cmap (viridis, gray, matlab:jet …), colours spread evenly "
                     "over {clim}, or colours at values.",
-                    default=f"{DEFAULT_CMAP}, and gray in scalar modes",
+                    default=f"{DEFAULT_CMAP}, coolwarm for values on both sides of 0, and gray in scalar modes",
                 ),
             ),
         ),

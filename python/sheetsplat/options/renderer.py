@@ -66,7 +66,7 @@ class BackendOptions(TypedDict, total=False):
         Option(
             'Backend: "gl" (OpenGL), "cpu" (vector instructions of the processor) or "reference" (plain float64). '
             '"auto": the environment variable SHEETSPLAT_BACKEND, else gl on graphics hardware and cpu where there is '
-            "none; where one does not support the scene, the other is tried.",
+            "none; where one does not support the scene, the other is tried, then reference.",
             default="auto",
             check=check_backend,
         ),

@@ -282,8 +282,8 @@ class SamplingOptions(TypedDict, total=False):
         Option(
             '"ewa": widen kernels by a pixel across and by a slice distance along the view, so that kernels smaller '
             'than that do not vanish between pixels or slices. Their mass stays the same. "off", or None: no filter. '
-            '"auto": where scattered kernels in the picture are that small; it needs `render` or the command line, '
-            "which know the camera.",
+            '"auto": where scattered kernels in the picture are that small, and where sums along rays would lose mass '
+            "without it; it needs `render` or the command line, which know the camera.",
             chosen='"auto", and "off" at {quality} draft',
             effect="ewa_filter",
             check=_filter,
@@ -291,7 +291,7 @@ class SamplingOptions(TypedDict, total=False):
                 CommandLine(
                     help="ewa: widen kernels by a pixel across and by a slice distance along the view, so that kernels "
                     "smaller than that do not vanish between pixels or slices; their mass stays the same. auto: where "
-                    "scattered kernels in the picture are that small.",
+                    "scattered kernels in the picture are that small, and where sums along rays would lose mass without it.",
                 ),
             ),
         ),

@@ -79,4 +79,5 @@ class Special(Enum):
 
 
 Value = Real | Whole | Numbers | Special
+NUMBER = Real()
 POSITIVE = Real(above=0.0)

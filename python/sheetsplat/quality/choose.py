@@ -13,11 +13,21 @@ from sheetsplat.fields import Field, RegularField
 from sheetsplat.fields.regular import PLAIN_KERNEL
 from sheetsplat.options.core import definitions
 from sheetsplat.options.quality import QUALITIES
-from sheetsplat.options.scene import SceneOptions
+from sheetsplat.options.scene import MOST_SAMPLES, SceneOptions
 from sheetsplat.plan import PictureQuality, QualitySetting
 from sheetsplat.quality.samples import through_samples
 from sheetsplat.quality.slicing import SLICES, can_be_estimated, depth_extent, has_lit_kernels, slicing_error
-from sheetsplat.quality.thin import LEAST_UNMET, may_be_thin, small_kernels, unmet_kernels
+from sheetsplat.quality.thin import (
+    LEAST_UNMET,
+    LEAST_WRONG,
+    MOST_MEANS,
+    SUMMING,
+    coarse_lattice,
+    may_be_thin,
+    sampled_sums,
+    small_kernels,
+    unmet_kernels,
+)
 from sheetsplat.scene import Scene
 from sheetsplat.supersampling import fine_size
 
@@ -32,6 +42,8 @@ _OWN_SUMS = ("normalization", "w0")
 _LEAST_SHARE = 0.2
 # The filter keeps the mass of kernels and so lowers their values: of the small ones this share may vanish by it.
 _MOST_HIDDEN = 0.5
+# Longest side, in samples, of pictures that get several samples a pixel for what they show sums of.
+_MOST_FINE = 1600
 
 
 @dataclass(frozen=True)
@@ -254,7 +266,7 @@ class Choice:
         """Return the scene with its filter, and with what was set, for the plan."""
         if not self._kept:
             scene = self._with_few_slices(self._with_slices_for_light(scene, camera, size), camera, size)
-            scene = self._filtered(scene, camera, size)
+            scene = self._filtered(self._with_samples_for_means(scene, camera, size), camera, size)
         return scene.with_quality(self.quality)
 
     def _with_slices_for_light(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene:
@@ -305,6 +317,25 @@ class Choice:
         if slices > samples.slices:
             return None, f"one sample a pixel: {several}, with the slices that light calls for, would take too long"
         return samples, f"{several} a pixel, for light that changes within a pixel; frames take twice as long"
+
+    def _with_samples_for_means(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene:
+        """Return a scene with several samples a pixel where sums along rays are of means finer than pixels.
+
+        Means of kernels (normalisation "threshold") are as wide as their kernels, and the filter would widen them.
+        """
+        given = "supersampling" in self._given or self._given.get("filter") in ("ewa", "off")
+        if scene.mode not in SUMMING or given or not self._level.filters or coarse_lattice(scene, camera, size):
+            return scene
+        if sampled_sums(scene, camera, size).means <= MOST_MEANS:
+            return scene
+        count, most = 1, min(MOST_SAMPLES, _MOST_FINE // max(size))
+        while count < most and sampled_sums(scene, camera, fine_size(size, count)).wrong >= LEAST_WRONG:
+            count += 1
+        if count == 1:
+            return scene
+        reason = f"{count} x {count} samples a pixel: what sums along rays add up is finer than a pixel"
+        self._set_again("supersampling", count, reason)
+        return scene.replace(supersampling=count)
 
     def _filtered(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene:
         given = self._given.get("filter")
@@ -365,6 +396,8 @@ def _slices_more(level: _Level, scene: Scene) -> int:
 
 def _calls_for_filter(scene: Scene, camera: Camera, size: tuple[int, int]) -> tuple[bool, str]:
     """Return whether small kernels call for the filter, and why."""
+    if scene.mode in SUMMING:
+        return _sums_call_for_filter(scene, camera, size)
     if any(isinstance(one, RegularField) for one in scene.fields):
         # Measured up to 8 samples a pixel (docs/quality.md).
         return False, "kernels of volumes overlap and leave no gaps; widened, they blur values before their colours"
@@ -375,3 +408,16 @@ def _calls_for_filter(scene: Scene, camera: Camera, size: tuple[int, int]) -> tu
     if small.hidden > _MOST_HIDDEN * small.share:
         return False, f"it would lower {100.0 * small.hidden:.3g} % of what shows to values without opacity"
     return small.share >= _LEAST_SHARE, f"{100.0 * small.share:.3g} % of what shows {what}"
+
+
+def _sums_call_for_filter(scene: Scene, camera: Camera, size: tuple[int, int]) -> tuple[bool, str]:
+    """Return whether sums along rays would lose mass between pixels or slices, and why."""
+    if coarse := coarse_lattice(scene, camera, size):
+        return True, f"{coarse}: without it sums along rays lose what lies between pixels or slices"
+    sums = sampled_sums(scene, camera, size)
+    if sums.means > MOST_MEANS:
+        return False, f"{100.0 * sums.means:.3g} % of what shows are means of kernels, which it would only widen"
+    if sums.lose_mass:
+        share = f"{100.0 * sums.coarse:.3g} % of the mass is in kernels of fewer than three pixels or slices"
+        return True, f"{share}: without it sums along rays lose what lies between"
+    return False, "pixels and slices are close enough for sums along rays to keep their mass"

@@ -15,6 +15,7 @@ from sheetsplat.fields import BrickedField, EllipsoidField, Field, RegularField,
 from sheetsplat.light import Light, Material
 from sheetsplat.look.visible import camera_axes
 from sheetsplat.scene import Scene
+from sheetsplat.transfer import TransferFunction
 
 Floats = NDArray[np.float64]
 
@@ -88,7 +89,8 @@ def slicing_error(scene: Scene, camera: Camera, size: tuple[int, int], distance:
     if not depths.size:
         return 0.0
     # Where anything can be seen, by a sample a slice distance.
-    shown = _optical_depths(scene, _scalars(fields, rays, depths, _in_box(rays, depths, bounds)), distance)
+    scalars, reached = _scalars(fields, rays, depths, _in_box(rays, depths, bounds))
+    shown = np.where(reached, _optical_depths(scene, scalars, distance), 0.0)
     left = np.exp(shown - np.cumsum(shown, axis=1))
     seen = (shown > 0.0) & (left > _LEFT)
     seen[:, 1:] |= seen[:, :-1].copy()
@@ -146,19 +148,23 @@ def _in_box(rays: _Rays, depths: Floats, bounds: Bounds) -> NDArray[np.bool_]:
     return inside
 
 
-def _scalars(fields: Sequence[Field], rays: _Rays, depths: Floats, picked: NDArray[np.bool_]) -> Floats:
-    """Return the sum of fields at picked points, 0 elsewhere, (N, D)."""
+def _scalars(
+    fields: Sequence[Field], rays: _Rays, depths: Floats, picked: NDArray[np.bool_]
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return the sum of fields at picked points, 0 elsewhere, and where any is not empty, each (N, D)."""
     ray, number = np.nonzero(picked)
     points = rays.at(ray, depths[number])
-    found = np.zeros(picked.shape)
-    found[picked] = sum(one.at(points) for one in fields)
-    return found
+    found, reached = np.zeros(picked.shape), np.zeros(picked.shape, bool)
+    for one in fields:
+        scalars, there = one.scalars_and_shown(points)
+        found[picked] += scalars
+        reached[picked] |= there
+    return found, reached
 
 
 def _optical_depths(scene: Scene, scalars: Floats, distance: float) -> Floats:
     opacity = np.minimum(scene.transfer_function.at(scalars)[..., 3], 1.0 - 2.0**-24)
-    found: Floats = np.where(scalars != 0.0, -np.log1p(-opacity) * (distance / scene.reference_length), 0.0)
-    return found
+    return np.asarray(-np.log1p(-opacity) * (distance / scene.reference_length))
 
 
 def _lit(
@@ -174,20 +180,30 @@ def _lit(
     ray, number = np.nonzero(picked)
     points = rays.at(ray, depths[number])
     scalars, gradients = np.zeros(len(points)), np.zeros((len(points), 3))
+    reached = np.zeros(len(points), bool)
     for one in fields:
-        own_scalars, own_gradients = one.evaluate(points)
+        own_scalars, own_gradients, nearest = one.probe(points)
         scalars += own_scalars
         gradients += own_gradients
+        reached |= nearest >= 0
     lengths = np.linalg.norm(rays.along, axis=1)
-    values = scene.transfer_function.points[:, 0]
-    weak = 1e-3 * float(values[-1] - values[0]) / scene.reference_length
+    weak = weakest_gradient(scene.transfer_function, [one.value_range for one in fields], scene.reference_length)
     normals = _normals(gradients, weak or 1.0)
     views = -(rays.along / lengths[:, None])[ray]
     shaded = _phong(scene, camera, scene.transfer_function.at(scalars)[:, :3], normals, views)
     colors, thickness = np.zeros((*picked.shape, 3)), np.zeros(picked.shape)
     colors[picked] = shaded
-    thickness[picked] = _optical_depths(scene, scalars, step) * lengths[ray]
+    thickness[picked] = np.where(reached, _optical_depths(scene, scalars, step) * lengths[ray], 0.0)
     return colors, thickness
+
+
+def weakest_gradient(
+    function: TransferFunction, ranges: Sequence[tuple[float, float]], reference_length: float
+) -> float:
+    """Return the gradient below which light fades. Conventions, section 5; `ranges`: of the values of fields."""
+    points = function.points[:, 0]
+    width = max((high - low for low, high in ranges), default=0.0)
+    return 1e-3 * max(float(points[-1] - points[0]), width / 4096.0) / reference_length
 
 
 def _normals(gradients: Floats, weak: float) -> Floats:

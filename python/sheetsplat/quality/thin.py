@@ -1,4 +1,4 @@
-"""Scattered kernels that are smaller than two pixels or a slice distance, and those that no slice meets."""
+"""Kernels that are small beside pixels or slices: those that call for the filter, and what is lost without it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.camera import Camera
-from sheetsplat.fields import EllipsoidField
+from sheetsplat.fields import BrickedKernels, EllipsoidField, RegularField
 from sheetsplat.look.visible import camera_axes
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
@@ -25,6 +25,28 @@ _ENOUGH = 256
 _ALONE = 2.0
 #: Kernels between slices are told from this share of what shows on; `image.error` cannot see them.
 LEAST_UNMET = 1e-3
+# What rounding makes of equal lengths.
+_EQUAL = 1.0 + 1e-6
+#: Modes whose pixels are sums along rays: they have the mass of what they show, or lose it between pixels and slices.
+SUMMING = ("xray", "average")
+#: The filter is taken in these modes where kernels of such a share of the mass are coarsely sampled, or where their
+#: mass is expected to be wrong by such a share.
+LEAST_COARSE = 1e-3
+LEAST_WRONG = 2e-3
+#: A picture that loses, or gains, this share of its mass is warned of.
+LEAST_LOST = 1e-2
+# The mass of a kernel that is coarsely sampled depends on where pixels and slices lie by at least this share: one
+# of falloff 8 whose support is three pixels wide, or as many slices long.
+_COARSE = 0.1
+# Pixels and slices on each side of a kernel that are looked at for what it loses; larger ones lose nothing that way.
+_NEIGHBOURS = 4
+# Kernels that are looked at for it, and those whose neighbours are.
+_LOOKED_AT = 4096
+_WEIGHED = 2048
+# A scalar is a mean of kernels where their weights add up to more than this times w0.
+_MEAN = 1.5
+#: The filter is not taken where means are more than this share of the mass: it would only widen them.
+MOST_MEANS = 0.01
 
 
 @dataclass(frozen=True)
@@ -64,6 +86,33 @@ class Unmet:
     share: float = 0.0
     count: int = 0
     thinnest: float = math.inf
+
+
+@dataclass(frozen=True)
+class Sums:
+    """How well pixels and slices sample the kernels in the picture whose sums along rays it shows.
+
+    Shares are parts of the mass of all of them, each its integral times its value, of either sign.
+
+    Attributes
+    ----------
+    coarse
+        Share of those whose mass depends on where pixels and slices lie by a tenth and more.
+    wrong
+        By which share the mass of all is expected to be wrong, if pixels and slices lie anywhere.
+    means
+        Share of those, of normalisation "threshold", that lie where weights add up to more than w0: what is shown
+        there is a mean, of which the filter keeps nothing.
+    """
+
+    coarse: float = 0.0
+    wrong: float = 0.0
+    means: float = 0.0
+
+    @property
+    def lose_mass(self) -> bool:
+        """Whether a picture without the filter is expected not to have the mass of what it shows."""
+        return self.coarse >= LEAST_COARSE or self.wrong >= LEAST_WRONG
 
 
 @dataclass(frozen=True)
@@ -117,11 +166,88 @@ def unmet_kernels(scene: Scene, camera: Camera, size: tuple[int, int]) -> Unmet:
     return Unmet(unmet / covered, count, thinnest) if covered > 0.0 else Unmet()
 
 
+def sampled_sums(scene: Scene, camera: Camera, size: tuple[int, int]) -> Sums:
+    """Return how well a picture without a filter samples the scattered kernels that it shows sums of.
+
+    A sum of samples a distance d apart is the integral up to the spectrum at 1/d and its multiples: of a Gaussian of
+    the standard deviation s up to 2 exp(-2 pi^2 s^2 / d^2), more or less by where the samples lie.
+    """
+    total = coarse = squares = means = 0.0
+    for shown in _shown(scene, camera, size):
+        masses, times = _masses(shown), float(shown.step)
+        across, along = _sampling_errors(shown, scene.slice_spacing)
+        errors = np.minimum(across + along, 1.0)
+        if shown.field.normalization == "threshold":
+            # What a kernel adds to a mean is its share of the weights there.
+            each = max(1, math.ceil(len(masses) / _WEIGHED))
+            picked, w0 = shown.picked[::each], shown.field.w0
+            weights = shown.field.weight_at(shown.field.centers[picked])
+            masses, errors, times = masses[::each], errors[::each], times * each
+            if shown.field.weights is not None:
+                masses = masses * shown.field.weights[picked]
+            masses = masses / np.maximum(weights, w0)
+            mean = weights > _MEAN * w0
+            means += float(masses[mean].sum()) * times
+            # (More samples a pixel help there, and slices stay.)
+            errors[mean] = across[::each][mean]
+        total += float(masses.sum()) * times
+        coarse += float(masses[errors >= _COARSE].sum()) * times
+        squares += float(np.square(masses * errors).sum()) * times
+    if total <= 0.0:
+        return Sums()
+    return Sums(coarse / total, math.sqrt(squares) / total, means / total)
+
+
+def coarse_lattice(scene: Scene, camera: Camera, size: tuple[int, int], times: float = 1.0) -> str:
+    """Return what is longer than `times` the sample distance of a lattice whose sums are shown; "" where nothing is.
+
+    Samples a distance h apart have waves down to a length of 2 h. Pixels, or slices, farther apart than h do not tell
+    these from longer ones.
+    """
+    pixel = _pixel(camera, size)
+    for one in scene.fields:
+        if not isinstance(one, RegularField) or not one.size or one.normalization == "threshold":
+            continue
+        distance = _sample_distance(one)
+        wide = pixel
+        if camera.kind == "perspective":
+            corners = np.array(np.meshgrid(*zip(*one.centre_bounds, strict=True))).reshape(3, -1).T
+            wide *= max(float(_depths(corners, camera).max()), camera.near)
+        if wide > times * distance * _EQUAL:
+            return f"a pixel is up to {wide / distance:.3g} samples of a volume wide"
+        if scene.slice_spacing > times * distance * _EQUAL:
+            return f"slices are {scene.slice_spacing / distance:.3g} samples of a volume apart"
+    return ""
+
+
+def lost_mass(scene: Scene, camera: Camera, size: tuple[int, int]) -> float:
+    """Return the share of the mass of scattered kernels that a picture of sums without a filter does not show.
+
+    Negative where it shows more. Kernels smaller than a few pixels or slices are summed where pixels and slices lie,
+    across the view and along it by themselves.
+    """
+    total = lost = 0.0
+    for shown in _shown(scene, camera, size):
+        if not _shows_mass(shown.field):
+            continue
+        masses = _masses(shown)
+        total += float(masses.sum()) * shown.step
+        found = np.flatnonzero(sum(_sampling_errors(shown, scene.slice_spacing)) >= _COARSE)
+        order = found[np.argsort(-masses[found], kind="stable")]
+        # The heaviest ones, and some of the others, which stand for all of those.
+        heavy, light = order[: _LOOKED_AT // 2], order[_LOOKED_AT // 2 :]
+        each = max(1, math.ceil(len(light) / (_LOOKED_AT // 2)))
+        for some, times in ((heavy, 1), (light[::each], each)):
+            kept = _sampled_share(shown, some, scene, camera, size)
+            lost += float((masses[some] * (1.0 - kept)).sum()) * times * shown.step
+    return lost / total if total > 0.0 else 0.0
+
+
 def may_be_thin(scene: Scene, camera: Camera, size: tuple[int, int]) -> bool:
     """Return whether some scattered kernel, shown or not, is smaller than two pixels or a slice distance."""
     if may_be_flat(scene):
         return True
-    thinnest = min((one.scale_range[0] for one in _scattered(scene)), default=math.inf)
+    thinnest = min((one.scale_range[0] / _longer(one) for one in _scattered(scene)), default=math.inf)
     pixel = _pixel(camera, size)
     if camera.kind == "perspective" and math.isfinite(thinnest):
         corners = np.array(np.meshgrid(*zip(*_centres(scene), strict=True))).reshape(3, -1).T
@@ -131,7 +257,12 @@ def may_be_thin(scene: Scene, camera: Camera, size: tuple[int, int]) -> bool:
 
 def may_be_flat(scene: Scene) -> bool:
     """Return whether some scattered kernel, shown or not, is thinner than a slice distance."""
-    return any(2.0 * one.scale_range[0] < scene.slice_spacing for one in _scattered(scene))
+    return any(2.0 * one.scale_range[0] / _longer(one) < scene.slice_spacing for one in _scattered(scene))
+
+
+def _longer(field: EllipsoidField) -> float:
+    """Return how many times the semi-axes of a sample of kernels in bricks are as long as the kernels' own."""
+    return field.facts.stride ** (1.0 / 3.0) if isinstance(field, BrickedKernels) else 1.0
 
 
 def _scattered(scene: Scene) -> list[EllipsoidField]:
@@ -161,7 +292,7 @@ def _shown_of(
     kept = inside & (thickness > 0)
     picked, depths, opacity = picked[kept], depths[kept], -np.expm1(-thickness[kept])
     pixels = pixel * depths if camera.kind == "perspective" else np.full(len(depths), pixel)
-    axes = np.einsum("ai,nij->naj", camera_axes(camera), field.native.shapes(picked))
+    axes = np.einsum("ai,nij->naj", camera_axes(camera), field.native.shapes(picked)) / _longer(field)
     # The projection's semi-axes are the singular values of the first two rows.
     a, b = np.sum(axes[:, 0] ** 2, axis=1), np.sum(axes[:, 1] ** 2, axis=1)
     c = np.sum(axes[:, 0] * axes[:, 1], axis=1)
@@ -180,6 +311,92 @@ def _share_alone(field: EllipsoidField, picked: NDArray[np.int64]) -> float:
     return float(np.mean(field.weight_at(field.centers[some]) < _ALONE * own))
 
 
+def _shows_mass(field: EllipsoidField) -> bool:
+    """Return whether a field is a sum of kernels, which the filter keeps; of means it keeps nothing."""
+    return field.normalization != "threshold"
+
+
+def _sample_distance(field: RegularField) -> float:
+    """Return the least distance of samples along an axis, world units; of BCC that of its layers' neighbours."""
+    return field.spacing[0] / math.sqrt(2.0) if field.lattice == "bcc" else min(field.spacing)
+
+
+def _masses(shown: _Shown) -> Floats:
+    """Return integrals of kernels times their values, without sign, up to a factor of the field."""
+    return np.asarray(np.abs(_counted(shown.field, shown.picked)) * np.abs(np.linalg.det(shown.axes)))
+
+
+def _deviation(falloff: float) -> float:
+    """Return the standard deviation of a kernel's profile along an axis, in semi-axes. Conventions, section 2."""
+    r = (np.arange(256) + 0.5) / 256
+    weights = np.square(r) * (np.exp(-falloff * np.square(r)) - math.exp(-falloff))
+    return math.sqrt(float((weights * np.square(r)).sum() / weights.sum()) / 3.0)
+
+
+def _sampling_errors(shown: _Shown, spacing: float) -> tuple[Floats, Floats]:
+    """Return by how much the sums over pixels and over slices of each kernel may differ from its integral, 0 to 1."""
+    deviation = _deviation(shown.field.falloff)
+    across = 2.0 * np.exp(-2.0 * np.square(math.pi * deviation * shown.widths / shown.pixels))
+    along = 2.0 * np.exp(-2.0 * np.square(math.pi * deviation * shown.halves / spacing))
+    return np.asarray(np.minimum(across, 1.0)), np.asarray(np.minimum(along, 1.0))
+
+
+def _sampled_share(
+    shown: _Shown, which: NDArray[np.int64], scene: Scene, camera: Camera, size: tuple[int, int]
+) -> Floats:
+    """Return the sum over pixels and slices of kernels over their integrals; 1 where they are large along all axes."""
+    if not len(which):
+        return np.ones(0)
+    k, pixels = shown.field.falloff, shown.pixels[which]
+    low, high = _centres(scene)
+    middle = float(_depths(np.asarray([0.5 * (low + high)]), camera)[0])
+    # Along the view: the profile's integral over a section across it.
+    place = (shown.depths[which] - middle) / scene.slice_spacing - 0.5
+    steps = np.arange(-_NEIGHBOURS, _NEIGHBOURS + 1)
+    halves = shown.halves[which] / scene.slice_spacing
+    u = (np.round(place)[:, None] + steps - place[:, None]) / halves[:, None]
+    along = _section(u, k).sum(axis=1) / (halves * _integral(k, 1))
+    along[halves > _NEIGHBOURS] = 1.0
+    # Across the view: the profile's integral along the view, over the projected ellipse.
+    rows = shown.axes[which, :2] / pixels[:, None, None]
+    inverse = np.linalg.inv(rows @ np.swapaxes(rows, 1, 2))
+    right, up, _ = camera_axes(camera)
+    away = shown.field.centers[shown.picked[which]] - np.asarray(camera.eye)
+    centres = np.column_stack((away @ right / pixels, away @ up / pixels))
+    centres += 0.5 * np.asarray(size) - np.asarray(camera.shift) * size[1] - 0.5
+    offsets = np.round(centres)[:, None] + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(1, -1, 2)
+    offsets -= centres[:, None]
+    r2 = np.einsum("nmi,nij,nmj->nm", offsets, inverse, offsets)
+    areas = np.sqrt(1.0 / np.linalg.det(inverse))
+    across = _line(r2, k).sum(axis=1) / (areas * _integral(k, 2))
+    across[np.abs(rows).max(axis=(1, 2)) > _NEIGHBOURS] = 1.0
+    return np.asarray(across * along)
+
+
+def _section(u: Floats, k: float) -> Floats:
+    """Return the profile's integral over the section at u semi-axes from its centre, up to a factor."""
+    inside = np.square(np.minimum(np.abs(u), 1.0))
+    return np.asarray(np.exp(-k * inside) - math.exp(-k) - k * math.exp(-k) * (1.0 - inside))
+
+
+def _line(r2: Floats, k: float) -> Floats:
+    """Return the profile's integral along a line at the square of a distance from its centre, up to a factor."""
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    half = np.sqrt(np.maximum(1.0 - r2, 0.0))
+    found = np.zeros_like(r2)
+    for node, weight in zip(nodes, weights, strict=True):
+        found += weight * (np.exp(-k * (np.minimum(r2, 1.0) + np.square(half * node))) - math.exp(-k))
+    return np.asarray(half * found)
+
+
+def _integral(k: float, dimensions: int) -> float:
+    """Return the integral of `_section` (1) over its axis, or of `_line` (2) over the unit disk."""
+    r = (np.arange(2048) + 0.5) / 2048
+    if dimensions == 1:
+        return float(2.0 * _section(r, k).mean())
+    return float((2.0 * math.pi * r * _line(np.square(r), k)).mean())
+
+
 def _filtered_values(shown: _Shown, which: NDArray[np.bool_], spacing: float) -> Floats:
     """Return the scalar that a kernel alone would have at its centre with the filter (conventions, section 10)."""
     field, picked, axes = shown.field, shown.picked[which], shown.axes[which]
@@ -191,16 +408,21 @@ def _filtered_values(shown: _Shown, which: NDArray[np.bool_], spacing: float) ->
     if field.normalization == "threshold":
         weights = 1.0 if field.weights is None else field.weights[picked]
         height = np.minimum(height * weights / field.w0, 1.0)
-    return np.asarray(_values(field, picked) * height)
+    return np.asarray(field.base + _counted(field, picked) * height)
 
 
 def _values(field: EllipsoidField, picked: NDArray[np.int64]) -> Floats:
     """Return the scalar that a kernel alone would have at its centre."""
-    values = field.values[picked]
+    return np.asarray(field.base + _counted(field, picked))
+
+
+def _counted(field: EllipsoidField, picked: NDArray[np.int64]) -> Floats:
+    """Return the same counted from the field's base."""
+    values = field.values[picked] - field.base
+    if field.normalization == "threshold":
+        return np.asarray(values)
     if field.weights is not None:
         values = values * field.weights[picked]
-    if field.normalization == "threshold":
-        return np.asarray(field.values[picked])
     return np.asarray(values / field.native.lattice_constant if field.normalization == "lattice" else values)
 
 

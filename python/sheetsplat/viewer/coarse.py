@@ -12,8 +12,8 @@ from typing import cast
 import numpy as np
 
 from sheetsplat.fields import BrickedField, BrickedKernels, Field, RegularField
-from sheetsplat.fields.regular import Lattice
-from sheetsplat.look.measure import grid_steps
+from sheetsplat.fields.regular import Boundary, Lattice
+from sheetsplat.fields.samples import grid_steps
 from sheetsplat.scene import Scene
 
 # Samples that are drawn soon enough, and how many more are worth a copy.
@@ -56,6 +56,8 @@ def _coarse(field: Field) -> Field | None:
         spacing=[width * step for step in field.spacing],
         origin=[place + shift * step for place, step in zip(field.origin, field.spacing, strict=True)],
         nan="skip",
+        boundary=cast(Boundary, field.boundary),
+        base=field.base,
     )
 
 
@@ -68,7 +70,14 @@ def _grid_of(field: BrickedField) -> RegularField | None:
     spacing = [step * width for step, width in zip(reversed(steps), field.spacing, strict=True)]
     values = field.samples.on_grid(steps)
     return RegularField(
-        values, spacing=spacing, origin=field.origin, lattice=cast(Lattice, field.lattice), nan="skip", prefilter=False
+        values,
+        spacing=spacing,
+        origin=field.origin,
+        lattice=cast(Lattice, field.lattice),
+        nan="skip",
+        prefilter=False,
+        boundary=cast(Boundary, field.boundary),
+        base=field.base,
     )
 
 

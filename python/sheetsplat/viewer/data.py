@@ -17,6 +17,7 @@ from sheetsplat.api import Opened, Prepared, prepare
 from sheetsplat.camera import Camera
 from sheetsplat.errors import complain, unusable
 from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Field, RegularField
+from sheetsplat.fields.samples import ArraySamples
 from sheetsplat.framing import compose_camera
 from sheetsplat.io.opening import time_steps
 from sheetsplat.look.histogram import stride_of
@@ -76,9 +77,10 @@ class Histogram:
         if isinstance(field, BrickedField):
             values: Any = field.samples.every(stride_of(field.survey.size))
         else:
-            values = np.ravel(field.values)[:known]  # type: ignore[attr-defined]
+            values = ArraySamples(field.values[:known])  # type: ignore[attr-defined]
         # An odd stride does not sample the same columns of every row.
-        found = values[:: max(1, -(-values.size // _ENOUGH)) | 1].astype(np.float64)
+        stride = max(1, -(-values.size // _ENOUGH)) | 1
+        found = (values[::stride] if isinstance(values, np.ndarray) else values.every(stride)).astype(np.float64)
         found = found[np.isfinite(found)]
         low, high = (float(part) for part in field.value_range) if found.size else (0.0, 1.0)
         if not low < high:

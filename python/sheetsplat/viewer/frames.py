@@ -24,6 +24,7 @@ def levels(image: Image, background: Triple) -> NDArray[np.uint8]:
         rows = (table[:, :3] * table[:, 3:] + behind * (1.0 - table[:, 3:])) * 255.0 + 0.5
         shares = colors.shares(image.scalar, image.clim)
         found: NDArray[np.uint8] = rows.astype(np.uint8)[np.rint(shares * (len(rows) - 1)).astype(np.intp)]
+        found[np.isnan(image.scalar)] = (np.clip(behind, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
         return found
     rgba = image.rgba
     # In place: half the time of whole expressions.

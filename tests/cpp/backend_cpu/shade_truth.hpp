@@ -78,7 +78,7 @@ class Truth {
         if (c_.plan.mode == Mode::xray) {
             p.scalar += value(1, x, y) * step;
         } else if (c_.plan.mode == Mode::mip) {
-            p.scalar = std::max(p.scalar, value(1, x, y));
+            p.scalar = weight(0, x, y) == 0.0 ? p.scalar : std::max(p.scalar, value(1, x, y));
         } else if (c_.plan.mode == Mode::isosurface) {
             cross(p, x, y);
         } else {

@@ -11,6 +11,7 @@
 #include "base/instruction_set.hpp"
 #include "plan/make_plan.hpp"
 #include "support/facts.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::backend_cpu {
 namespace {
@@ -19,8 +20,8 @@ constexpr float nan = std::numeric_limits<float>::quiet_NaN();
 constexpr int edge = 12;
 
 Scene scene_of(bool lit) {
-    const auto field =
-        std::make_shared<RegularField>(std::vector<float>{0, 1, 0, 1, 0, 1, 0, 1}, std::array<std::size_t, 3>{2, 2, 2});
+    const auto field = std::make_shared<RegularField>(std::vector<float>{0, 1, 0, 1, 0, 1, 0, 1},
+                                                      std::array<std::size_t, 3>{2, 2, 2}, test::zero_boundary());
     Scene scene{{field}, TransferFunction({{0.0, {1, 0.5, 0}, 0.0}, {1.0, {0, 0.5, 1}, 0.6}})};
     if (lit) {
         scene.lights = {Light{{1, 2, 3}, {1, 1, 1}, LightSpace::world}};

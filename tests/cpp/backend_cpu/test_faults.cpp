@@ -21,6 +21,7 @@
 #include "base/threads.hpp"
 #include "sheetsplat/error.hpp"
 #include "support/cpu_drawing.hpp"
+#include "support/lattices.hpp"
 
 #if defined(__SANITIZE_THREAD__)
 #define ALLOCATIONS_ARE_THE_SANITIZERS
@@ -134,7 +135,7 @@ class Exhaustion {
 
 /// Two kinds of fields in one picture, so that every stage has something to do.
 Shot busy_shot(bool perspective = true) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.spacing = Vec3(0.1);
     const auto lattice = ball(9, options);
     Shot shot{scene_of({lattice, cloud(200, 0.08, 4.0)}),
@@ -211,8 +212,8 @@ TEST(Faults, MemoryThatRunsOutInALaterPictureIsToldToo) {
 TEST(Faults, NothingIsReadThatWasNotWritten) {
     NEEDS_ITS_OWN_ALLOCATIONS();
     // Its first slice covers all of it, and is looked at together with the one before, where there is nothing.
-    const auto block =
-        std::make_shared<const RegularField>(std::vector<float>(6 * 6 * 6, 1.0F), std::array<std::size_t, 3>{6, 6, 6});
+    const auto block = std::make_shared<const RegularField>(std::vector<float>(6 * 6 * 6, 1.0F),
+                                                            std::array<std::size_t, 3>{6, 6, 6}, test::zero_boundary());
     Shot plain{scene_of({block}), Camera::fit(block->supports_world(), Vec3(0, 0, -1), Vec3(0, 1, 0))};
     plain.scene.preintegration = true;
     plain.scene.transfer_function = TransferFunction({{0.0, {0.1, 0.2, 0.9}, 0.0}, {1.0, {1.0, 0.8, 0.2}, 0.4}});

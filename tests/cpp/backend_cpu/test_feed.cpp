@@ -16,6 +16,7 @@
 #include "base/instruction_set.hpp"
 #include "support/cpu_drawing.hpp"
 #include "support/draws.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::backend_cpu {
 namespace {
@@ -137,7 +138,7 @@ Kernels kernels_of(const Field& field) {
 }
 
 std::vector<std::shared_ptr<const Field>> fields() {
-    RegularFieldOptions plain;
+    RegularFieldOptions plain = test::zero_boundary();
     plain.normalization = Normalization::none;
     RegularFieldOptions bcc = plain;
     bcc.lattice = Lattice::bcc;

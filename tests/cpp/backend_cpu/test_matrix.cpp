@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "renderer_scenes.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::backend_cpu {
 namespace {
@@ -22,14 +23,14 @@ struct Kind {
 };
 
 std::vector<Kind> kinds() {
-    RegularFieldOptions bcc;
+    RegularFieldOptions bcc = test::zero_boundary();
     bcc.lattice = Lattice::bcc;
     bcc.spacing = Vec3(1.3);
-    RegularFieldOptions unequal;
+    RegularFieldOptions unequal = test::zero_boundary();
     unequal.spacing = Vec3(1.0, 1.7, 0.8);
     unequal.normalization = Normalization::threshold;
     unequal.w0 = 0.5;
-    RegularFieldOptions small;
+    RegularFieldOptions small = test::zero_boundary();
     small.spacing = Vec3(0.12);
     small.normalization = Normalization::none;
     EllipsoidFieldOptions thin;

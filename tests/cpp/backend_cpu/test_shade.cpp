@@ -54,7 +54,8 @@ struct Drawn {
         for (int k = 0; k < 4; ++k) {
             window.rho[k] = copy(c.rho[k], sheets[k]);
         }
-        for (int k = 0; k < 2 && (c.plan.empty_test || c.plan.coverage); ++k) {
+        const bool weighted = c.plan.empty_test || c.plan.coverage || c.plan.mode == Mode::mip;
+        for (int k = 0; k < 2 && weighted; ++k) {
             window.weight[k] = copy(c.weight[k], sheets[4 + k]);
         }
         window.n = c.n;

@@ -16,6 +16,7 @@
 #include "gl/program.hpp"
 #include "plan/make_plan.hpp"
 #include "shader_variants.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::backend_gl {
 namespace {
@@ -301,8 +302,8 @@ TEST(ShaderVariants, HoldNothingOfEffectsThatAreOff) {
 
 TEST(ShaderVariants, GroupsAndSurfacesHaveAShaderOfTheirOwn) {
     Scene scene{{}, TransferFunction({{0.0, {1.0, 1.0, 1.0}, 0.0}, {1.0, {1.0, 1.0, 1.0}, 0.5}})};
-    scene.fields.assign(3,
-                        std::make_shared<RegularField>(std::vector<float>{1.0F}, std::array<std::size_t, 3>{1, 1, 1}));
+    scene.fields.assign(3, std::make_shared<RegularField>(std::vector<float>{1.0F}, std::array<std::size_t, 3>{1, 1, 1},
+                                                          test::zero_boundary()));
     EXPECT_STREQ(shaded_parts(scene).shader(), "shade.frag");
     scene.mode = Mode::isosurface;
     scene.iso_values = {0.5};

@@ -10,6 +10,7 @@
 
 #include "sheetsplat/error.hpp"
 #include "support/against_reference.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat {
 namespace {
@@ -76,7 +77,7 @@ class Matrix : public ::testing::TestWithParam<std::tuple<Mode, Sampling, Projec
 
 TEST_P(Matrix, IsTheReferencesPicture) {
     const auto [mode, sampling, projection, lattice, normalization] = GetParam();
-    RegularFieldOptions field_options;
+    RegularFieldOptions field_options = test::zero_boundary();
     field_options.lattice = lattice;
     field_options.normalization = normalization;
     field_options.spacing = lattice == Lattice::bcc ? Vec3(1.2) : Vec3(1.0, 1.0, 1.0);
@@ -235,7 +236,7 @@ TEST(AgainstReference, PicturesThatAreWrongByALittleFail) {
         return compare(reference.render(wrong, from, {48, 40}).rgba, judge.rgba, 4).rmse;
     };
     EXPECT_EQ(error_of(right, camera), 0.0);
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.falloff = 5.05;
     EXPECT_GT(error_of(scene_of(blobs(options)), camera), 2e-5) << "falloff";
     Scene wrong = right;
@@ -279,7 +280,7 @@ TEST(AgainstReference, OpacityBufferDropsKernelsAndNoPixel) {
 TEST(AgainstReference, ThickSlabsReachWhereTheirChordsDo) {
     // Opacity above 0 at 0: a point that a support just meets is not empty, however little it adds.
     for (const auto& [spacing, falloff] : {std::pair{1.0, 20.0}, {2.0, 5.0}, {1.0, 10.0}}) {
-        RegularFieldOptions options;
+        RegularFieldOptions options = test::zero_boundary();
         options.falloff = falloff;
         Scene scene = scene_of(blobs(options));
         scene.sampling = Sampling::slab;
@@ -319,7 +320,7 @@ TEST(AgainstReference, OpaqueIntervalsKeepTheirAbsorption) {
 }
 
 TEST(AgainstReference, NarrowWindowsFarFromZeroAreRefusedOrDrawnInFloat64) {
-    RegularFieldOptions field_options;
+    RegularFieldOptions field_options = test::zero_boundary();
     field_options.normalization = Normalization::threshold;
     std::vector<float> samples(6 * 6 * 6);
     for (std::size_t n = 0; n < samples.size(); ++n) {
@@ -347,7 +348,7 @@ TEST(AgainstReference, NarrowWindowsFarFromZeroAreRefusedOrDrawnInFloat64) {
 }
 
 TEST(AgainstReference, ExtremesAreRightOrRefused) {
-    auto field = blobs({});
+    auto field = blobs(test::zero_boundary());
     const Scene unlit = [&] {
         Scene scene = scene_of(field);
         scene.lights.clear();
@@ -386,7 +387,7 @@ TEST(AgainstReference, ExtremesAreRightOrRefused) {
         stop.opacity_stop = 1e-40;
         const Image stopped = renderer.render(stop, look(16.0, 30.0), {32, 32});
         EXPECT_GT(*std::max_element(stopped.rgba.begin(), stopped.rgba.end()), 0.01F);
-        RegularFieldOptions flat;
+        RegularFieldOptions flat = test::zero_boundary();
         flat.falloff = 0.05;
         Scene flat_scene = unlit;
         flat_scene.fields = {blobs(flat)};
@@ -428,9 +429,9 @@ class CloseUps : public ::testing::TestWithParam<std::tuple<Projection, Sampling
 TEST_P(CloseUps, AreTheReferencesPicture) {
     const auto [projection, sampling] = GetParam();
     const bool orthographic = projection == Projection::orthographic;
-    RegularFieldOptions uneven;
+    RegularFieldOptions uneven = test::zero_boundary();
     uneven.spacing = Vec3(1.0, 0.6, 2.3);
-    RegularFieldOptions thresholded;
+    RegularFieldOptions thresholded = test::zero_boundary();
     thresholded.normalization = Normalization::threshold;
     const auto stretched = blobs(uneven), cube = blobs({}), few = blobs({}, 7), weighted = blobs(thresholded, 7);
     const std::string words =

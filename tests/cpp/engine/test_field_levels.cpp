@@ -8,11 +8,12 @@
 #include <gtest/gtest.h>
 
 #include "sheetsplat/error.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat {
 namespace {
 
-std::shared_ptr<const RegularField> ramp(std::array<std::size_t, 3> shape, const RegularFieldOptions& options = {}) {
+std::shared_ptr<const RegularField> ramp(std::array<std::size_t, 3> shape, const RegularFieldOptions& options = test::zero_boundary()) {
     std::vector<float> samples(shape[0] * shape[1] * shape[2]);
     std::iota(samples.begin(), samples.end(), 1.0F);
     return std::make_shared<RegularField>(std::move(samples), shape, options);
@@ -33,7 +34,7 @@ double sum_of(const RegularField& field) {
 }
 
 TEST(FieldLevels, BlocksAreAsLongAsPixels) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.spacing = {1.0, 2.0, 0.5};
     const auto field = ramp({64, 64, 64}, options);
     const auto blocks = [&](double pixel) { return level_of(scene_of(field), pixel).blocks.front(); };
@@ -50,7 +51,7 @@ TEST(FieldLevels, BlocksAreAsLongAsPixels) {
 }
 
 TEST(FieldLevels, OtherFieldsStayThemselves) {
-    RegularFieldOptions bcc;
+    RegularFieldOptions bcc = test::zero_boundary();
     bcc.lattice = Lattice::bcc;
     EllipsoidArrays arrays;
     arrays.centers = {Vec3(0.0), Vec3(1.0)};
@@ -68,7 +69,7 @@ TEST(FieldLevels, OtherFieldsStayThemselves) {
 }
 
 TEST(FieldLevels, BlocksKeepTheSumOfTheirSamplesAndTheirPlaces) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.origin = {10.0, 20.0, 30.0};
     options.spacing = {1.0, 1.0, 2.0};
     // Blocks of 2, 2 and 1 samples; what is missing in the last ones counts as 0.
@@ -87,7 +88,7 @@ TEST(FieldLevels, BlocksKeepTheSumOfTheirSamplesAndTheirPlaces) {
 }
 
 TEST(FieldLevels, BlocksOfTheFactorsOfAPrefilteredField) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.prefilter = true;
     const auto field = ramp({16, 16, 16}, options);
     FieldLevels levels;
@@ -103,7 +104,7 @@ TEST(FieldLevels, HolesAreLeftOut) {
     for (const std::size_t n : {0U, 1U, 16U, 17U, 256U, 257U, 272U, 273U, 2U}) {
         samples[n] = nan;
     }
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.nan = NanPolicy::skip;
     for (const Normalization normalization : {Normalization::threshold, Normalization::lattice}) {
         options.normalization = normalization;
@@ -121,7 +122,8 @@ TEST(FieldLevels, IntegersStayIntegers) {
     std::vector<std::uint8_t> samples(16 * 16 * 16, 7);
     samples[0] = 0;
     samples[1] = 3;
-    const auto field = std::make_shared<const RegularField>(samples, std::array<std::size_t, 3>{16, 16, 16});
+    const auto field =
+        std::make_shared<const RegularField>(samples, std::array<std::size_t, 3>{16, 16, 16}, test::zero_boundary());
     FieldLevels levels;
     const auto blocks = made(levels, field, level_of(scene_of(field), 2.0));
     ASSERT_TRUE(std::holds_alternative<std::vector<std::uint8_t>>(blocks->samples()));

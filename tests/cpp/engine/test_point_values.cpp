@@ -12,6 +12,7 @@
 
 #include "reference/reference.hpp"
 #include "support/ellipsoid_scenes.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat {
 namespace {
@@ -57,7 +58,7 @@ TEST(PointValues, AreThoseOfLattices) {
                 sample = value(random);
             }
             samples[40] = std::nanf("");
-            RegularFieldOptions options;
+            RegularFieldOptions options = test::zero_boundary();
             options.lattice = lattice;
             options.spacing = lattice == Lattice::bcc ? Vec3(0.8) : Vec3(0.5, 0.7, 0.9);
             options.origin = Vec3(-1.0, 2.0, 0.3);
@@ -70,7 +71,7 @@ TEST(PointValues, AreThoseOfLattices) {
 }
 
 TEST(PointValues, AreThoseOfWideKernels) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.radius = 20.0;
     options.falloff = 30.0;
     std::vector<float> samples(4 * 4 * 4, 0.5F);
@@ -131,7 +132,7 @@ TEST(PointValues, MeansOfScatteredKernelsAreThoseOfSums) {
 
 TEST(PointValues, MeansOfLatticesAreThoseOfSums) {
     for (const Lattice lattice : {Lattice::cartesian, Lattice::bcc}) {
-        RegularFieldOptions options;
+        RegularFieldOptions options = test::zero_boundary();
         options.lattice = lattice;
         options.spacing = lattice == Lattice::bcc ? Vec3(0.8) : Vec3(0.5, 0.7, 0.9);
         options.origin = Vec3(-1.0, 2.0, 0.3);
@@ -147,7 +148,7 @@ TEST(PointValues, MeansOfLatticesAreThoseOfSums) {
 
 // One kernel whose end is just within a line's: samples along it would call it empty.
 TEST(PointValues, LinesThatAKernelOnlyTouchesAreNotEmpty) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.radius = 1.0;
     const auto field =
         std::make_shared<const RegularField>(std::vector<float>{1.0F}, std::array<std::size_t, 3>{1, 1, 1}, options);

@@ -15,6 +15,7 @@
 #include "sheetsplat/error.hpp"
 #include "sheetsplat/renderer.hpp"
 #include "support/draws.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat {
 namespace {
@@ -30,7 +31,8 @@ std::shared_ptr<const RegularField> noise() {
     for (float& sample : samples) {
         sample = uniform(random);
     }
-    return std::make_shared<RegularField>(std::move(samples), std::array<std::size_t, 3>{n, n, n});
+    return std::make_shared<RegularField>(std::move(samples), std::array<std::size_t, 3>{n, n, n},
+                                          test::zero_boundary());
 }
 
 std::shared_ptr<const EllipsoidField> cloud() {

@@ -10,6 +10,7 @@
 
 #include "facts/extreme_blocks.hpp"
 #include "facts/view_facts.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat {
 namespace {
@@ -58,7 +59,7 @@ TEST(EllipsoidFacts, CountWhatAPlanAsksFor) {
 
 TEST(LatticeFacts, TellHowLittleValuesChange) {
     const auto change = [](std::vector<double> samples, std::array<std::size_t, 3> shape) {
-        RegularFieldOptions options;
+        RegularFieldOptions options = test::zero_boundary();
         options.nan = NanPolicy::skip;
         return least_change(RegularField(std::move(samples), shape, options));
     };
@@ -72,7 +73,7 @@ TEST(LatticeFacts, TellHowLittleValuesChange) {
     EXPECT_EQ(change({std::nan(""), std::nan(""), 4.0, 7.0}, {1, 1, 4}), 3.0);
     // It is asked for where a lit lattice is seen from near, and only there.
     const auto field = std::make_shared<const RegularField>(std::vector<double>{0.0, 1.0, 0.5, 0.2, 0.1, 0.9, 0.3, 0.4},
-                                                            std::array<std::size_t, 3>{2, 2, 2});
+                                                            std::array<std::size_t, 3>{2, 2, 2}, test::zero_boundary());
     const auto asked = [&](double height, bool lit) {
         Scene scene{{field}, TransferFunction({{0.0, {1, 1, 1}, 0.0}, {1.0, {1, 1, 1}, 0.5}})};
         if (lit) {
@@ -114,11 +115,11 @@ TEST(ExtremeFacts, TellFewSamplesFromMany) {
         for (std::size_t at = 0; at < samples.size(); at += few ? 50 : 1) {
             samples[at] = few ? 255 : static_cast<std::uint8_t>(1 + at % 7);
         }
-        const auto field =
-            std::make_shared<const RegularField>(std::move(samples), std::array<std::size_t, 3>{edge, edge, edge});
+        const auto field = std::make_shared<const RegularField>(
+            std::move(samples), std::array<std::size_t, 3>{edge, edge, edge}, test::zero_boundary());
         Scene scene{{field}, TransferFunction({{0.0, {1, 1, 1}, 0.0}, {1.0, {1, 1, 1}, 0.5}})};
         const Camera camera = Camera::fit(field->supports_world(), Vec3(0.4, 0.3, -1.0), Vec3(0.0, 1.0, 0.0));
-        return extreme_facts(*field, 1.01, smallest, kept, camera, make_frame(scene, camera, {60, 60}));
+        return extreme_facts(*field, 1.01, smallest ? 1.0 : -1.0, kept, camera, make_frame(scene, camera, {60, 60}));
     };
     const ExtremeFacts few = facts(true), many = facts(false);
     EXPECT_NEAR(few.drawn, 0.02, 0.01);
@@ -137,8 +138,8 @@ TEST(ExtremeFacts, TellFewSamplesFromMany) {
 }
 
 TEST(ViewFacts, GatherTheExtremesOfAllFields) {
-    const auto lattice =
-        std::make_shared<RegularField>(std::vector<float>(8, 1.0F), std::array<std::size_t, 3>{2, 2, 2});
+    const auto lattice = std::make_shared<RegularField>(std::vector<float>(8, 1.0F),
+                                                        std::array<std::size_t, 3>{2, 2, 2}, test::zero_boundary());
     EllipsoidArrays arrays;
     arrays.centers = {Vec3(0.5), Vec3(0.6)};
     arrays.scales = {Vec3(1.0, 0.5, 0.25), Vec3(0.5)};

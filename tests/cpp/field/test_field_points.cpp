@@ -10,6 +10,7 @@
 #include <glm/geometric.hpp>
 
 #include "sheetsplat/field_points.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat {
 namespace {
@@ -142,7 +143,7 @@ TEST(FieldSums, of_volumes_are_those_of_the_definition) {
     samples[200] = std::nan("");
     for (const Lattice lattice : {Lattice::cartesian, Lattice::bcc}) {
         for (const double falloff : {0.25, 5.0}) {
-            RegularFieldOptions options;
+            RegularFieldOptions options = test::zero_boundary();
             options.lattice = lattice;
             options.spacing = lattice == Lattice::bcc ? Vec3(1.5) : Vec3(1.0, 2.0, 0.5);
             options.origin = {-3.0, 1.0, 2.0};

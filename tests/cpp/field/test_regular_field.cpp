@@ -10,6 +10,7 @@
 #include "sheetsplat/error.hpp"
 #include "sheetsplat/field.hpp"
 #include "support.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat {
 namespace {
@@ -29,7 +30,8 @@ std::vector<T> counted(std::size_t count) {
     return samples;
 }
 
-std::string refused(SampleArray samples, std::array<std::size_t, 3> shape, const RegularFieldOptions& options = {}) {
+std::string refused(SampleArray samples, std::array<std::size_t, 3> shape,
+                    const RegularFieldOptions& options = test::zero_boundary()) {
     return message_of<InvalidInput>([&] { const RegularField field(std::move(samples), shape, options); });
 }
 
@@ -69,7 +71,7 @@ Box box_by_positions(const RegularField& field) {
 }
 
 TEST(RegularField, is_indexed_k_j_i_with_i_fastest) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.spacing = {0.5, 2.0, 3.0};
     options.origin = {10.0, 20.0, 30.0};
     const RegularField field(counted<std::int16_t>(24), {2, 3, 4}, options);
@@ -90,7 +92,7 @@ TEST(RegularField, is_indexed_k_j_i_with_i_fastest) {
 }
 
 TEST(RegularField, bcc_is_two_interleaved_cubic_lattices) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.lattice = Lattice::bcc;
     options.spacing = {2.0, 77.0, -5.0}; // only the first counts
     options.origin = {1.0, 2.0, 3.0};
@@ -107,14 +109,14 @@ TEST(RegularField, bcc_is_two_interleaved_cubic_lattices) {
 }
 
 TEST(RegularField, one_layer_of_bcc_has_no_half_steps) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.lattice = Lattice::bcc;
     const RegularField field(counted<float>(6), {1, 2, 3}, options);
     expect_box(field.centres_world(), {0.0, 0.0, 0.0}, {2.0, 1.0, 0.0});
 }
 
 TEST(RegularField, lattice_constant_is_the_mass_over_the_volume_of_a_sample) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.spacing = {0.5, 2.0, 3.0};
     options.radius = 2.5;
     options.falloff = 7.0;
@@ -148,7 +150,7 @@ double partition_of_unity(const RegularField& field, const Vec3& offset) {
 
 TEST(RegularField, kernels_of_ones_sum_to_one_within_the_known_ripple) {
     for (const Lattice lattice : {Lattice::cartesian, Lattice::bcc}) {
-        RegularFieldOptions options;
+        RegularFieldOptions options = test::zero_boundary();
         options.lattice = lattice;
         options.spacing = {0.5, 0.7, 1.1};
         const RegularField field(std::vector<std::uint8_t>(12 * 12 * 12, 1), {12, 12, 12}, options);
@@ -162,7 +164,7 @@ TEST(RegularField, kernels_of_ones_sum_to_one_within_the_known_ripple) {
         EXPECT_GT(worst, 1e-6);
     }
     // Negative control: with the narrower kernel the same sum ripples beyond that.
-    RegularFieldOptions narrow;
+    RegularFieldOptions narrow = test::zero_boundary();
     narrow.falloff = 8.0;
     const RegularField field(std::vector<std::uint8_t>(12 * 12 * 12, 1), {12, 12, 12}, narrow);
     EXPECT_GT(std::abs(partition_of_unity(field, Vec3(0.0)) - 1.0), 0.008);
@@ -179,9 +181,11 @@ TYPED_TEST(Samples, range_is_found_at_every_place) {
         for (const std::size_t place : {std::size_t{0}, count / 2, count - 1}) {
             std::vector<TypeParam> samples(count, TypeParam{7});
             samples[place] = TypeParam{3};
-            EXPECT_EQ(RegularField(samples, {1, 1, count}).value_range()[0], 3.0) << count << " " << place;
+            EXPECT_EQ(RegularField(samples, {1, 1, count}, test::zero_boundary()).value_range()[0], 3.0)
+                << count << " " << place;
             samples[place] = TypeParam{99};
-            EXPECT_EQ(RegularField(samples, {count, 1, 1}).value_range()[1], 99.0) << count << " " << place;
+            EXPECT_EQ(RegularField(samples, {count, 1, 1}, test::zero_boundary()).value_range()[1], 99.0)
+                << count << " " << place;
         }
     }
 }
@@ -192,13 +196,13 @@ TYPED_TEST(Samples, extremes_of_the_type) {
     if constexpr (std::is_same_v<TypeParam, double>) {
         expect_parts(refused(std::vector<double>{low, high}, {1, 1, 2}), {"1.7976931348623157e+308", "1e+300"});
     } else {
-        const RegularField field(std::vector<TypeParam>{high, low}, {1, 1, 2});
+        const RegularField field(std::vector<TypeParam>{high, low}, {1, 1, 2}, test::zero_boundary());
         EXPECT_EQ(field.value_range(), (std::array<double, 2>{static_cast<double>(low), static_cast<double>(high)}));
     }
 }
 
 TYPED_TEST(Samples, a_constant_field_is_a_field) {
-    const RegularField field(std::vector<TypeParam>(27, TypeParam{5}), {3, 3, 3});
+    const RegularField field(std::vector<TypeParam>(27, TypeParam{5}), {3, 3, 3}, test::zero_boundary());
     EXPECT_EQ(field.value_range(), (std::array<double, 2>{5.0, 5.0}));
 }
 
@@ -227,7 +231,7 @@ TYPED_TEST(OddSamples, are_refused_with_their_index) {
 }
 
 TYPED_TEST(OddSamples, nan_is_no_kernel_where_skipped) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.nan = NanPolicy::skip;
     options.spacing = {1.0, 2.0, 4.0};
     const auto none = std::numeric_limits<TypeParam>::quiet_NaN();
@@ -253,7 +257,7 @@ TYPED_TEST(OddSamples, nan_is_no_kernel_where_skipped) {
 TYPED_TEST(OddSamples, boxes_are_tight_on_both_lattices_whatever_is_missing) {
     std::uint32_t state = 12345;
     for (int trial = 0; trial < 200; ++trial) {
-        RegularFieldOptions options;
+        RegularFieldOptions options = test::zero_boundary();
         options.nan = NanPolicy::skip;
         options.lattice = trial % 2 == 0 ? Lattice::bcc : Lattice::cartesian;
         options.spacing = {0.3, 0.7, 1.3};
@@ -271,7 +275,7 @@ TYPED_TEST(OddSamples, boxes_are_tight_on_both_lattices_whatever_is_missing) {
 }
 
 TYPED_TEST(OddSamples, a_field_of_nan_has_no_kernel) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.nan = NanPolicy::skip;
     const RegularField field(std::vector<TypeParam>(8, std::numeric_limits<TypeParam>::quiet_NaN()), {2, 2, 2},
                              options);
@@ -284,7 +288,7 @@ TYPED_TEST(OddSamples, a_field_of_nan_has_no_kernel) {
 }
 
 TYPED_TEST(OddSamples, skipping_changes_nothing_where_there_is_no_nan) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.nan = NanPolicy::skip;
     const RegularField field(counted<TypeParam>(24), {2, 3, 4}, options);
     EXPECT_FALSE(field.has_holes());
@@ -294,7 +298,7 @@ TYPED_TEST(OddSamples, skipping_changes_nothing_where_there_is_no_nan) {
 
 TYPED_TEST(OddSamples, the_smallest_numbers_are_samples) {
     const TypeParam tiny = std::numeric_limits<TypeParam>::denorm_min();
-    const RegularField field(std::vector<TypeParam>{tiny, -tiny, TypeParam{0}}, {1, 1, 3});
+    const RegularField field(std::vector<TypeParam>{tiny, -tiny, TypeParam{0}}, {1, 1, 3}, test::zero_boundary());
     EXPECT_EQ(field.value_range(), (std::array<double, 2>{-static_cast<double>(tiny), static_cast<double>(tiny)}));
 }
 
@@ -312,7 +316,7 @@ TEST(RegularFieldChecks, shape) {
 
 TEST(RegularFieldChecks, numbers_of_the_options) {
     for (const double bad : {0.0, -1.0, nan, infinity}) {
-        RegularFieldOptions options;
+        RegularFieldOptions options = test::zero_boundary();
         for (int axis = 0; axis < 3; ++axis) {
             options = {};
             options.spacing[axis] = bad;
@@ -333,7 +337,7 @@ TEST(RegularFieldChecks, numbers_of_the_options) {
         options.w0 = bad;
         expect_parts(refused_options(options), {"w0 cannot be used"});
     }
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.origin.y = nan;
     expect_parts(refused_options(options), {"origin cannot be used", "(0, NaN, 0)"});
     options = {};
@@ -347,7 +351,7 @@ TEST(RegularFieldChecks, numbers_of_the_options) {
 }
 
 TEST(RegularFieldChecks, kernels_that_float64_cannot_hold) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.falloff = 1e-320;
     expect_parts(refused_options(options), {"radius and falloff", "falloff = 1e-320"});
     options = {};
@@ -358,7 +362,7 @@ TEST(RegularFieldChecks, kernels_that_float64_cannot_hold) {
 }
 
 TEST(RegularFieldChecks, positions_must_be_finite_and_differ) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.spacing.z = 1e308;
     expect_parts(refused_options(options), {"positions along z", "spacing 1e+308"});
     options = {};
@@ -384,7 +388,7 @@ TEST(RegularFieldChecks, positions_must_be_finite_and_differ) {
 }
 
 TEST(RegularFieldChecks, large_coordinates_are_fine) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.origin = {1e9, -1e9, 1e9};
     options.spacing = Vec3(1e-3);
     const RegularField field(counted<float>(24), {2, 3, 4}, options);
@@ -399,7 +403,7 @@ double seconds_of_survey() {
     for (int n = 0; n < 5; ++n) {
         SampleArray samples = std::vector<T>(edge * edge * edge, T{1});
         const std::clock_t start = std::clock();
-        const RegularField field(std::move(samples), {edge, edge, edge});
+        const RegularField field(std::move(samples), {edge, edge, edge}, test::zero_boundary());
         best = std::min(best, static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC);
         EXPECT_EQ(field.value_range()[1], 1.0);
     }

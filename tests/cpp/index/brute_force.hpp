@@ -13,6 +13,7 @@
 #include <glm/geometric.hpp>
 
 #include "index/visible_runs.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::test {
 
@@ -201,7 +202,7 @@ std::vector<T> rounded(const std::vector<double>& values) {
 
 inline std::shared_ptr<const RegularField> random_field(Random& random, Lattice lattice) {
     const std::array<std::size_t, 3> shape{random.whole(1, 24), random.whole(4, 16), random.whole(4, 20)};
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.lattice = lattice;
     options.radius = random.one_of({0.6, 1.0, 1.0, 1.5, 2.0, 2.0, 2.5, 3.5});
     options.falloff = random.one_of({2.0, 5.0, 5.0, 8.0});

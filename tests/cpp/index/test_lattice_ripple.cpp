@@ -2,12 +2,13 @@
 #include <gtest/gtest.h>
 
 #include "index/brute_force.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::test {
 namespace {
 
 RegularFieldOptions lattice_options(Lattice lattice, double radius, double falloff) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.lattice = lattice;
     options.radius = radius;
     options.falloff = falloff;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "index/brute_force.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::test {
 namespace {
@@ -58,7 +59,7 @@ TEST(Neighbourhood, UnequalSpacingLosesNothingAndAddsLittle) {
     std::size_t inside = 0;
     for (int trial = 0; trial < 10; ++trial) {
         const std::array<std::size_t, 3> shape{21, 21, 21};
-        RegularFieldOptions options;
+        RegularFieldOptions options = test::zero_boundary();
         options.radius = random.one_of({1.0, 1.5, 2.0});
         options.spacing = Vec3(random.uniform(0.4, 2.0), random.uniform(0.4, 2.0), random.uniform(0.4, 2.0));
         const RegularField field(std::vector<std::uint8_t>(std::size_t{21} * 21 * 21, 1), shape, options);

@@ -6,6 +6,7 @@
 #include <functional>
 
 #include "index/brute_force.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::test {
 namespace {
@@ -322,7 +323,7 @@ TEST(PartialSums, InsideOfABandStaysDrawn) {
             }
         }
     }
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.radius = 1.0;
     options.falloff = 2.0;
     options.normalization = Normalization::threshold;

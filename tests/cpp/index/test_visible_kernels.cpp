@@ -136,7 +136,8 @@ TEST(VisibleKernels, AreThoseOfTheRule) {
     EXPECT_GT(dropped, 3000U);
 }
 
-enum class Look { point, crossing, interval };
+/// cut: an interval of which the second end is cut off, so that it shows only where the first is not empty.
+enum class Look { point, crossing, interval, cut };
 
 struct Trial {
     const EllipsoidField& field;
@@ -148,6 +149,7 @@ struct Trial {
         VisibilityQuery query = asking(transfer_function, stencil + (look == Look::point ? 0.0 : step));
         query.isosurface = look == Look::crossing;
         query.iso_values = {iso_value};
+        query.reach_matters = look == Look::cut;
         return query;
     }
 };
@@ -170,6 +172,8 @@ Outcome compare(const Trial& trial, const Mask& drawn, Random& random) {
         case Look::interval:
             return !(first.empty && second.empty) &&
                    !trial.transfer_function.transparent_over(std::min(a, b), std::max(a, b));
+        case Look::cut:
+            return !first.empty && !trial.transfer_function.transparent_over(std::min(a, b), std::max(a, b));
         case Look::point:
             break;
         }
@@ -178,7 +182,7 @@ Outcome compare(const Trial& trial, const Mask& drawn, Random& random) {
     const auto same = [&](const Vec3& x) {
         const Sums all = sums_at(field, x, nullptr);
         const Sums some = sums_at(field, x, &drawn);
-        return all.values == some.values &&
+        return all.values == some.values && (trial.look != Look::cut || all.empty == some.empty) &&
                (field.normalization() != Normalization::threshold || all.weights == some.weights);
     };
     for (int n = 0; n < 60; ++n) {
@@ -282,6 +286,16 @@ TEST_P(EllipsoidSafety, ControlLaterLimitsAreFound) {
     EXPECT_GT(outcome.wrong, 0U);
 }
 
+// Kernels that add nothing to sums make places not empty.
+TEST(VisibleKernels, ControlKernelsThatAddNothingAreFound) {
+    const Outcome outcome = over_trials(Look::cut, until_found, [](const Trial& trial) {
+        VisibilityQuery query = trial.query();
+        query.reach_matters = false;
+        return visible(trial.field, query);
+    });
+    EXPECT_GT(outcome.wrong, 0U);
+}
+
 // A kernel's own value tells nothing about what is seen inside its support.
 TEST_P(EllipsoidSafety, ControlOwnValuesAloneAreFound) {
     const Outcome outcome = over_trials(GetParam(), until_found, [](const Trial& trial) {
@@ -299,11 +313,11 @@ TEST_P(EllipsoidSafety, ControlOwnValuesAloneAreFound) {
 }
 
 std::string name_of_look(const testing::TestParamInfo<Look>& tried) {
-    static const std::array<const char*, 3> names{"Point", "Crossing", "Interval"};
+    static const std::array<const char*, 4> names{"Point", "Crossing", "Interval", "Cut"};
     return names[static_cast<std::size_t>(tried.param)];
 }
 
-INSTANTIATE_TEST_SUITE_P(All, EllipsoidSafety, testing::Values(Look::point, Look::crossing, Look::interval),
+INSTANTIATE_TEST_SUITE_P(All, EllipsoidSafety, testing::Values(Look::point, Look::crossing, Look::interval, Look::cut),
                          name_of_look);
 
 /// Two kernels that overlap and one far from both.
@@ -346,6 +360,13 @@ TEST(VisibleKernels, ValuesOfZero) {
     // A kernel of weight 0 gives nothing, and does not make its neighbour visible.
     EXPECT_EQ(visible(three({1.0, 6.0, 6.0}, Normalization::threshold, {1.0, 0.0, 1.0}), asking(high)),
               (Mask{0, 0, 1}));
+    // Where being reached decides, both are drawn beside what is visible.
+    VisibilityQuery with_reach = asking(high);
+    with_reach.reach_matters = true;
+    EXPECT_EQ(visible(three({0.0, 6.0, 0.0}, Normalization::none), with_reach), (Mask{1, 1, 0}));
+    EXPECT_EQ(visible(three({1.0, 6.0, 6.0}, Normalization::threshold, {0.0, 1.0, 0.0}), with_reach), (Mask{1, 1, 0}));
+    with_reach.alone = false;
+    EXPECT_EQ(visible(three({0.0, 6.0, 6.0}, Normalization::none, {1.0, 1.0, 0.0}), with_reach), (Mask{1, 1, 1}));
     // Opacity at 0: an empty point is transparent, one whose kernels give 0 is not.
     const TransferFunction at_zero = band(-1.0, 1.0);
     EXPECT_EQ(visible(three({0.0, 6.0, 6.0}, Normalization::none, {1.0, 0.0, 1.0}), asking(at_zero)), (Mask{1, 1, 1}));

@@ -14,6 +14,7 @@
 
 #include "index/brute_force.hpp"
 #include "sheetsplat/error.hpp"
+#include "support/lattices.hpp"
 
 // Sanitizers bring operators new and limits of their own.
 #ifndef SHEETSPLAT_SANITIZED
@@ -180,7 +181,7 @@ TEST(VisibleRuns, DrawsWhatIsWithinTwoRadiiOfASeed) {
         for (auto& value : values) {
             value = random.chance(density) ? std::uint8_t{100} : static_cast<std::uint8_t>(random.whole(0, 2));
         }
-        RegularFieldOptions options;
+        RegularFieldOptions options = test::zero_boundary();
         options.lattice = random.one_of({Lattice::cartesian, Lattice::bcc});
         options.radius = random.one_of({0.6, 1.0, 2.0, 2.5});
         options.spacing = Vec3(random.uniform(0.2, 3.0));
@@ -208,7 +209,7 @@ TEST(VisibleRuns, DrawsWhatIsWithinTwoRadiiOfASeed) {
 }
 
 TEST(VisibleRuns, SeedsStartWhereTheRippleReachesTheFirstOpaqueValue) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     const auto drawn = [&](double value, double first_opaque, Normalization normalization, double w0) {
         options.normalization = normalization;
         options.w0 = w0;
@@ -233,7 +234,7 @@ TEST(VisibleRuns, SeedsStartWhereTheRippleReachesTheFirstOpaqueValue) {
 }
 
 TEST(VisibleRuns, InvisibleIsEmpty) {
-    const RegularField field(noisy_ball(16, 0.4, 30), {16, 16, 16});
+    const RegularField field(noisy_ball(16, 0.4, 30), {16, 16, 16}, test::zero_boundary());
     const TransferFunction nothing({{0.0, Vec3(1), 0.0}, {255.0, Vec3(1), 0.0}});
     const TransferFunction beyond = ramp(260.0, 300.0);
     const TransferFunction negative({{-5.0, Vec3(1), 1.0}, {0.0, Vec3(1), 0.0}});
@@ -256,7 +257,7 @@ TEST(VisibleRuns, ZerosAreDrawnOnlyWhereTheyMatter) {
     std::vector<float> values(15, 0.0F);
     values[6] = 9.0F;
     values[8] = std::nanf("");
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.radius = 1.0;
     options.nan = NanPolicy::skip;
     const std::array<std::size_t, 3> shape{1, 1, 15};
@@ -290,7 +291,7 @@ TEST(VisibleRuns, ZerosAreDrawnOnlyWhereTheyMatter) {
 }
 
 TEST(VisibleRuns, OtherFieldsMakeInvisibleValuesMatter) {
-    const RegularField field(noisy_ball(16, 0.4, 30), {16, 16, 16});
+    const RegularField field(noisy_ball(16, 0.4, 30), {16, 16, 16}, test::zero_boundary());
     const TransferFunction transfer_function = ramp(260.0, 300.0);
     VisibilityQuery query = asking(transfer_function);
     query.alone = false;
@@ -303,7 +304,7 @@ TEST(VisibleRuns, OtherFieldsMakeInvisibleValuesMatter) {
 
 TEST(VisibleRuns, StepsOfTheTransferFunctionCountOnTheirSide) {
     const auto drawn = [](double value, std::vector<TransferPoint> points) {
-        const RegularField field(std::vector<double>{value}, {1, 1, 1});
+        const RegularField field(std::vector<double>{value}, {1, 1, 1}, test::zero_boundary());
         const TransferFunction transfer_function(std::move(points));
         return VisibleRuns::of(field, asking(transfer_function)).samples() == 1;
     };
@@ -333,7 +334,7 @@ TEST(VisibleRuns, EveryTypeDecidesAlike) {
     const std::array<std::size_t, 3> shape{20, 20, 20};
     const TransferFunction transfer_function = ramp(150.25, 255.0);
     const auto mask = [&](SampleArray samples) {
-        const RegularField field(std::move(samples), shape);
+        const RegularField field(std::move(samples), shape, test::zero_boundary());
         return mask_of(VisibleRuns::of(field, asking(transfer_function)), field);
     };
     const Mask expected = mask(values);
@@ -348,10 +349,10 @@ TEST(VisibleRuns, EveryTypeDecidesAlike) {
 TEST(VisibleRuns, ExtremeNumbers) {
     const TransferFunction far({{1e300, Vec3(1), 0.0}, {1.1e300, Vec3(1), 1.0}});
     const TransferFunction both({{-1e-300, Vec3(1), 1.0}, {0.0, Vec3(1), 0.0}, {1e-300, Vec3(1), 1.0}});
-    const RegularField small(std::vector<float>{-1e-45F, 0.0F, 1e-45F}, {1, 1, 3});
+    const RegularField small(std::vector<float>{-1e-45F, 0.0F, 1e-45F}, {1, 1, 3}, test::zero_boundary());
     EXPECT_EQ(VisibleRuns::of(small, asking(far)).samples(), 0U);
     EXPECT_EQ(VisibleRuns::of(small, asking(both)).samples(), 2U);
-    const RegularField integers(std::vector<std::int16_t>{-32768, 0, 32767}, {1, 1, 3});
+    const RegularField integers(std::vector<std::int16_t>{-32768, 0, 32767}, {1, 1, 3}, test::zero_boundary());
     EXPECT_EQ(VisibleRuns::of(integers, asking(far)).samples(), 0U);
     EXPECT_EQ(VisibleRuns::of(integers, asking(both)).samples(), 2U);
     VisibilityQuery query = asking(both);
@@ -363,7 +364,7 @@ TEST(VisibleRuns, ExtremeNumbers) {
 }
 
 TEST(VisibleRuns, RefusesLengthsThatMakeNoSense) {
-    const RegularField field(std::vector<float>{1.0F}, {1, 1, 1});
+    const RegularField field(std::vector<float>{1.0F}, {1, 1, 1}, test::zero_boundary());
     const TransferFunction transfer_function = ramp(0.0, 1.0);
     VisibilityQuery query = asking(transfer_function);
     query.reach_world = -1.0;
@@ -376,7 +377,7 @@ TEST(VisibleRuns, RefusesLengthsThatMakeNoSense) {
 // than that.
 TEST(VisibleRuns, TightOnTheNoisyBall) {
     constexpr std::size_t n = 40;
-    const RegularField field(noisy_ball(n, 0.38, 30), {n, n, n});
+    const RegularField field(noisy_ball(n, 0.38, 30), {n, n, n}, test::zero_boundary());
     const TransferFunction transfer_function = ramp(40.0, 255.0);
     VisibilityQuery query = asking(transfer_function);
     query.reach_world = 1.0;
@@ -414,7 +415,7 @@ TEST(VisibleRuns, TightOnTheNoisyBall) {
 
 TEST(VisibleRuns, TightOnThinTubes) {
     constexpr std::size_t n = 40;
-    const RegularField field(thin_tubes(n), {n, n, n});
+    const RegularField field(thin_tubes(n), {n, n, n}, test::zero_boundary());
     const auto& values = std::get<std::vector<std::uint8_t>>(field.samples());
     const auto not_zero =
         static_cast<std::size_t>(std::count_if(values.begin(), values.end(), [](std::uint8_t v) { return v != 0; }));
@@ -436,7 +437,7 @@ TEST(VisibleRuns, WideReachesAreDecidedInBlocks) {
         constexpr std::size_t n = 90;
         std::vector<std::uint8_t> values(n * n * n, 1);
         values[(20 * n + 41) * n + 33] = 200;
-        RegularFieldOptions options;
+        RegularFieldOptions options = test::zero_boundary();
         options.lattice = lattice;
         const RegularField field(values, {n, n, n}, options);
         const TransferFunction transfer_function = ramp(150.0, 255.0);
@@ -463,7 +464,7 @@ TEST(VisibleRuns, WideReachesAreDecidedInBlocks) {
 #ifdef MEMORY_IS_COUNTED
 TEST(VisibleRuns, TakesLittleMemoryBesideTheResult) {
     constexpr std::size_t n = 128;
-    const RegularField field(noisy_ball(n, 0.38, 60), {n, n, n});
+    const RegularField field(noisy_ball(n, 0.38, 60), {n, n, n}, test::zero_boundary());
     const TransferFunction transfer_function = ramp(40.0, 255.0);
     VisibilityQuery query = asking(transfer_function);
     query.reach_world = 1.0;
@@ -479,7 +480,7 @@ TEST(VisibleRuns, TakesLittleMemoryBesideTheResult) {
 
 TEST(VisibleRunsDeathTest, MemoryIsCheckedBeforeItIsTaken) {
     constexpr std::size_t n = 256;
-    const RegularField field(noisy_ball(n, 0.38, 60), {n, n, n});
+    const RegularField field(noisy_ball(n, 0.38, 60), {n, n, n}, test::zero_boundary());
     const TransferFunction transfer_function = ramp(40.0, 255.0);
     const auto try_with = [&](std::size_t bytes_left) {
         std::size_t pages = 0;
@@ -504,7 +505,7 @@ TEST(VisibleRuns, Timing) {
     // Noise below 30 is transparent; of noise below 60 every sample is within reach of a seed.
     for (const unsigned background : {30U, 60U}) {
         for (const std::size_t n : {std::size_t{128}, std::size_t{256}}) {
-            const RegularField field(noisy_ball(n, 0.38, background), {n, n, n});
+            const RegularField field(noisy_ball(n, 0.38, background), {n, n, n}, test::zero_boundary());
             VisibilityQuery query = asking(transfer_function);
             query.reach_world = 2.0;
             double best = 1e300;

@@ -4,6 +4,7 @@
 #include "lab/comparators.hpp"
 #include "lab/fill_test.hpp"
 #include "support/ellipsoid_scenes.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::lab {
 namespace {
@@ -36,7 +37,7 @@ std::shared_ptr<const RegularField> blobs(std::size_t n) {
             }
         }
     }
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.spacing = Vec3(1.0 / double(n));
     return std::make_shared<RegularField>(std::move(samples), std::array<std::size_t, 3>{n, n, n}, options);
 }

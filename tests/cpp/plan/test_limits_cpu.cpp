@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include "support/lattices.hpp"
 #include "support/limit_cases.hpp"
 
 namespace sheetsplat {
@@ -30,7 +31,8 @@ std::shared_ptr<const Field> undivided_ellipsoids() {
 }
 
 std::shared_ptr<const Field> flat_lattice() {
-    return std::make_shared<RegularField>(std::vector<double>(8, 1.0), std::array<std::size_t, 3>{2, 2, 2});
+    return std::make_shared<RegularField>(std::vector<double>(8, 1.0), std::array<std::size_t, 3>{2, 2, 2},
+                                          test::zero_boundary());
 }
 
 // ---- backend cpu: float32 up to a limit, float64 beyond
@@ -198,8 +200,8 @@ const std::vector<Limit> of_float32{
     {"shown_sum", 0.99e30, 1.01e30,
      [](Case& c, double x) {
          c.scene.mode = Mode::mip;
-         c.scene.fields = {
-             std::make_shared<RegularField>(std::vector<double>(8, x), std::array<std::size_t, 3>{2, 2, 2})};
+         c.scene.fields = {std::make_shared<RegularField>(std::vector<double>(8, x),
+                                                          std::array<std::size_t, 3>{2, 2, 2}, test::zero_boundary())};
      }},
     {"steepest_falloff", 19.8, 20.2,
      [](Case& c, double x) {

@@ -8,12 +8,13 @@
 #include "sheetsplat/error.hpp"
 #include "support.hpp"
 #include "support/facts.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat {
 namespace {
 
 std::shared_ptr<const RegularField> small_field(Normalization normalization = Normalization::lattice) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.normalization = normalization;
     return std::make_shared<RegularField>(std::vector<float>{0.0F, 1.0F, 0.5F, 0.2F, 0.1F, 0.9F, 0.3F, 0.4F},
                                           std::array<std::size_t, 3>{2, 2, 2}, options);
@@ -151,7 +152,8 @@ TEST(Plan, RefusesWhatWouldMakeAWrongPicture) {
 }
 
 TEST(Plan, RefusesWindowsThatFloat32CannotResolve) {
-    auto offset = std::make_shared<RegularField>(std::vector<double>(8, 1e9), std::array<std::size_t, 3>{2, 2, 2});
+    auto offset = std::make_shared<RegularField>(std::vector<double>(8, 1e9), std::array<std::size_t, 3>{2, 2, 2},
+                                                 test::zero_boundary());
     const Scene scene{{offset}, TransferFunction({{1e9, {1, 1, 1}, 0.0}, {1e9 + 1.0, {1, 1, 1}, 0.5}})};
     EXPECT_THROW(plan_of(scene), Unsupported);
     RendererOptions options;
@@ -458,7 +460,7 @@ TEST(Plan, TakesSixteenBitsOnlyWhereTheyKeepTheirBound) {
     EXPECT_EQ(chosen(scene, hardware()), Precision::float32) << "steep";
     expect_parts(reason_of(plan_of(scene, {}, {}, facts(), hardware()), "float16"), {"33.5", "kernels at a point"});
     // Wider kernels overlap more, whatever the view says.
-    RegularFieldOptions wide;
+    RegularFieldOptions wide = test::zero_boundary();
     wide.radius = 3.0;
     wide.falloff = 8.0;
     scene = plain;

@@ -10,13 +10,14 @@
 #include "plan/make_plan.hpp"
 #include "sheetsplat/error.hpp"
 #include "support/facts.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat {
 namespace {
 
 std::shared_ptr<const RegularField> small_field(Normalization normalization = Normalization::lattice,
                                                 float offset = 0.0F, double falloff = 5.0) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.normalization = normalization;
     options.falloff = falloff;
     std::vector<float> samples{0.0F, 1.0F, 0.5F, 0.2F, 0.1F, 0.9F, 0.3F, 0.4F};
@@ -54,6 +55,25 @@ std::string refusal(const Scene& scene, const ViewFacts& view, const RendererOpt
         return error.what();
     }
     return "";
+}
+
+TEST(PlanOfCpu, LinesToLightsBetweenSurfacesNeedOneBase) {
+    Scene scene = lit_scene();
+    scene.fields.push_back(small_field());
+    scene.later_groups.push_back({1, scene.transfer_function});
+    scene.mode = Mode::isosurface;
+    scene.iso_values = {{0.5, 1.0}};
+    scene.shadows = true;
+    scene.counted.emplace();
+    scene.counted->bases = {0.0, 0.0};
+    EXPECT_EQ(refusal(scene, facts()), "");
+    scene.counted->bases = {0.0, 0.2};
+    EXPECT_NE(refusal(scene, facts()).find("one base of all groups"), std::string::npos);
+    // The reference follows lines through the kernels themselves.
+    EXPECT_NO_THROW(make_plan(scene, test::surveyed(scene, facts()), {}, {}, Projection::orthographic,
+                              Backend::reference, nullptr));
+    scene.shadows = false;
+    EXPECT_EQ(refusal(scene, facts()), "");
 }
 
 TEST(PlanOfCpu, HasNoWaysOfDrawingOnGl) {
@@ -162,7 +182,7 @@ TEST(PlanOfCpu, ExtremesAreLookedUpWhereThatTakesLess) {
     EXPECT_TRUE(plan_of(scene, view).ray_extremes);
     // Of few samples, little is splatted, and rays pass by most blocks.
     view.frame.smallest_pixel = view.frame.largest_pixel = 0.3;
-    view.extremes = ExtremeFacts{0.02, 1.0, 0.01};
+    view.extremes = ExtremeFacts{0.2, 1.0, 0.01};
     plan = plan_of(scene, view);
     EXPECT_FALSE(plan.ray_extremes);
     EXPECT_NE(ray_extremes(plan).reason.find("1 % of the samples"), std::string::npos) << ray_extremes(plan).reason;
@@ -170,12 +190,10 @@ TEST(PlanOfCpu, ExtremesAreLookedUpWhereThatTakesLess) {
     scene.mode = Mode::minimum;
     view.extremes = ExtremeFacts{0.0, 0.05, 0.01};
     EXPECT_TRUE(plan_of(scene, view).ray_extremes);
-    // A part of a whole says where any slice counts, which rays do not; they say the largest number of one.
+    // Pixels of a part of a whole that no slice counts for are no number.
     const double everywhere = std::numeric_limits<double>::infinity();
     scene.part = Part{{Vec3(-everywhere), Vec3(everywhere)}};
-    plan = plan_of(scene, view);
-    EXPECT_FALSE(plan.ray_extremes);
-    EXPECT_NE(ray_extremes(plan).reason.find("slices that count"), std::string::npos) << ray_extremes(plan).reason;
+    EXPECT_TRUE(plan_of(scene, view).ray_extremes);
     scene.mode = Mode::mip;
     EXPECT_TRUE(plan_of(scene, view).ray_extremes);
     scene.part.reset();
@@ -279,12 +297,14 @@ TEST(PlanOfCpu, RefusesWhatFloat64WouldNotDo) {
     view = facts();
     view.shapes.smallest_falloff = 1e-9;
     EXPECT_NE(refusal(scene, view).find("falloff"), std::string::npos);
-    scene.fields = {std::make_shared<RegularField>(std::vector<double>(8, 1e15), std::array<std::size_t, 3>{2, 2, 2})};
+    scene.fields = {std::make_shared<RegularField>(std::vector<double>(8, 1e15), std::array<std::size_t, 3>{2, 2, 2},
+                                                   test::zero_boundary())};
     EXPECT_NE(refusal(scene, facts()).find("1e+15"), std::string::npos);
     RendererOptions options;
     options.allow_inexact = true;
     EXPECT_EQ(refusal(scene, facts(), options), "");
-    scene.fields = {std::make_shared<RegularField>(std::vector<double>(8, 1e7), std::array<std::size_t, 3>{2, 2, 2})};
+    scene.fields = {std::make_shared<RegularField>(std::vector<double>(8, 1e7), std::array<std::size_t, 3>{2, 2, 2},
+                                                   test::zero_boundary())};
     EXPECT_EQ(plan_of(scene).precision, Precision::float64) << "what float32 could not do";
 }
 

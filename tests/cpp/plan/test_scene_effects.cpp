@@ -12,6 +12,7 @@
 #include "sheetsplat/error.hpp"
 #include "support.hpp"
 #include "support/facts.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat {
 namespace {
@@ -21,7 +22,7 @@ using test::message_of;
 
 /// Values from 0 to 1 at (0..1)^3 with supports of 2 round each: the box from -2 to 3.
 std::shared_ptr<const RegularField> volume(Normalization normalization = Normalization::lattice) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.normalization = normalization;
     return std::make_shared<RegularField>(std::vector<float>{0.0F, 1.0F, 0.5F, 0.2F, 0.1F, 0.9F, 0.3F, 0.4F},
                                           std::array<std::size_t, 3>{2, 2, 2}, options);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 
 #include "support.hpp"
@@ -20,6 +21,10 @@ struct Mistakes {
     double turn = 0.0;      ///< of every ellipsoid about the world's x, radians
     double weight = 0.0;    ///< added to every weight
     double filter = 0.0;    ///< relative, of the widths that the filter adds
+    double base = 0.0;      ///< added to every base
+    double domain = 0.0;    ///< what it is wider by, in sample distances
+    double hole = 0.0;      ///< relative, of the least W of lattices with holes
+    bool repeated = false;  ///< the outermost sample stands beyond itself, in place of its neighbour
 };
 
 struct Sample {
@@ -28,6 +33,7 @@ struct Sample {
     double reach = 0.0; ///< nothing is farther away
     double value = 0.0;
     double weight = 1.0;
+    bool mirrored = false;
 };
 
 /// B B^T, multiplied out.
@@ -56,20 +62,69 @@ class Page {
 
   private:
     struct Point {
-        double rho = 0.0, w = 0.0;
+        double rho = 0.0; ///< less the base
+        double w = 0.0;
         bool empty = true;
+        bool inside = true; ///< the domain
+        bool counts = false;
     };
+    /// A field, and what its place among the others makes of it.
+    struct Member {
+        std::vector<Sample> samples;
+        double base = 0.0, least = 0.0, w0 = 1.0;
+        Normalization how = Normalization::none;
+    };
+
+    static std::optional<Box> domain_of(const Field& field, double wider) {
+        const RegularField* lattice = as_regular(&field);
+        if (lattice == nullptr || lattice->options().boundary == Boundary::zero) {
+            return std::nullopt;
+        }
+        const RegularFieldOptions& o = lattice->options();
+        const auto [nk, nj, ni] = lattice->shape();
+        const Vec3 n(static_cast<double>(ni), static_cast<double>(nj), static_cast<double>(nk));
+        if (o.lattice == Lattice::cartesian) {
+            return Box{o.origin - (0.5 + wider) * o.spacing, o.origin + (n - 0.5 + wider) * o.spacing};
+        }
+        if (nk < 2) {
+            return std::nullopt;
+        }
+        const double a = o.spacing.x;
+        const Vec3 last(a * (n.x - 0.5), a * (n.y - 0.5), a * (n.z - 1.0) / 2.0);
+        return Box{o.origin - (0.25 + wider) * a, o.origin + last + (0.25 + wider) * a};
+    }
 
     void collect_samples() {
         Vec3 lower(infinity), upper(-infinity);
+        domain_ = domain_of(*scene_.fields.front(), mistakes_.domain);
+        bool differ = false;
         for (const auto& field : scene_.fields) {
-            samples_.emplace_back();
+            const std::optional<Box> other = domain_of(*field, mistakes_.domain);
+            differ = differ || other.has_value() != domain_.has_value() ||
+                     (other && (other->lower != domain_->lower || other->upper != domain_->upper));
+        }
+        if (differ) {
+            domain_.reset();
+        }
+        for (const auto& field : scene_.fields) {
+            members_.emplace_back();
+            Member& member = members_.back();
+            member.how = field->normalization();
+            member.w0 = field->w0();
+            const bool endless = differ && field->kind() == FieldKind::regular;
+            member.base = endless ? 0.0 : field->base() + mistakes_.base;
+            base_ += member.base;
             if (const RegularField* regular = as_regular(field.get())) {
-                collect_lattice(*regular);
+                member.how = regular->options().normalization;
+                member.w0 = regular->options().w0;
+                collect_lattice(*regular, member);
             } else {
-                collect_ellipsoids(*as_ellipsoids(field.get()));
+                collect_ellipsoids(*as_ellipsoids(field.get()), member);
             }
-            for (const Sample& sample : samples_.back()) {
+            for (const Sample& sample : member.samples) {
+                if (sample.mirrored) {
+                    continue;
+                }
                 const Vec3& p = sample.position;
                 lower = Vec3(std::min(lower.x, p.x), std::min(lower.y, p.y), std::min(lower.z, p.z));
                 upper = Vec3(std::max(upper.x, p.x), std::max(upper.y, p.y), std::max(upper.z, p.z));
@@ -77,43 +132,104 @@ class Page {
         }
         centre_ = 0.5 * (lower + upper);
         if (scene_.filter == Filter::ewa) {
-            for (std::vector<Sample>& samples : samples_) {
+            for (Member& member : members_) {
                 const double falloff =
-                    scene_.fields[static_cast<std::size_t>(&samples - samples_.data())]->kernel().falloff;
-                for (Sample& sample : samples) {
+                    scene_.fields[static_cast<std::size_t>(&member - members_.data())]->kernel().falloff;
+                for (Sample& sample : member.samples) {
                     widen(sample, falloff);
                 }
             }
         }
     }
 
-    void collect_lattice(const RegularField& field) {
+    /// The images of a place on a line between two mirrors, its own first, that are closer than `reach` to the part of
+    /// the line from `lower` to `upper`.
+    static std::vector<double> images(double place, double first, double last, double lower, double upper,
+                                      double reach) {
+        std::vector<double> found{place};
+        const double there_and_back = 2.0 * (last - first);
+        const auto add = [&](double image) {
+            const bool known = std::any_of(found.begin(), found.end(), [&](double other) {
+                return std::abs(other - image) < 1e-6 * (1.0 + there_and_back);
+            });
+            if (!known && image > lower - reach && image < upper + reach) {
+                found.push_back(image);
+            }
+        };
+        const int often = static_cast<int>((upper - lower + 2.0 * reach) / there_and_back) + 2;
+        for (int n = -often; n <= often; ++n) {
+            add(place + n * there_and_back);
+            add(2.0 * first - place + n * there_and_back);
+        }
+        return found;
+    }
+
+    void collect_lattice(const RegularField& field, Member& member) {
         const RegularFieldOptions& o = field.options();
         const auto [nk, nj, ni] = field.shape();
         const Vec3 s = semi_axes(o);
+        const bool bcc = o.lattice == Lattice::bcc;
+        const double a = o.spacing.x;
+        const Vec3 n(static_cast<double>(ni), static_cast<double>(nj), static_cast<double>(nk));
+        const Vec3 first = mistakes_.repeated ? o.origin - 0.5 * o.spacing : o.origin;
+        Vec3 last = bcc ? o.origin + Vec3(a * (n.x - 0.5), a * (n.y - 0.5), a * (n.z - 1.0) / 2.0)
+                        : o.origin + (n - 1.0) * o.spacing;
+        last += mistakes_.repeated ? 0.5 * o.spacing : Vec3(0.0);
+        const bool edge = domain_ && o.boundary == Boundary::edge;
+        const Box domain = edge ? domain_of(field, 0.0).value_or(Box{}) : Box{};
+        bool holes = false;
         for (std::size_t k = 0; k < nk; ++k) {
             for (std::size_t j = 0; j < nj; ++j) {
                 for (std::size_t i = 0; i < ni; ++i) {
-                    const double value = std::get<std::vector<double>>(field.samples())[(k * nj + j) * ni + i];
+                    const double value = std::get<std::vector<double>>(field.samples())[field.row(j, k) + i];
                     if (std::isnan(value)) {
+                        holes = true;
                         continue;
                     }
                     const Vec3 index(static_cast<double>(i), static_cast<double>(j), static_cast<double>(k));
-                    const double shift = 0.5 * static_cast<double>(k % 2), a = o.spacing.x;
-                    const Vec3 p = o.lattice == Lattice::bcc ? o.origin + Vec3((index.x + shift) * a,
-                                                                               (index.y + shift) * a, index.z * a / 2.0)
-                                                             : o.origin + index * o.spacing;
-                    Sample sample{p, Mat3(1.0), std::max({s.x, s.y, s.z}), value, 1.0 + mistakes_.weight};
+                    const double shift = 0.5 * static_cast<double>(k % 2);
+                    const Vec3 p =
+                        bcc ? o.origin + Vec3((index.x + shift) * a, (index.y + shift) * a, index.z * a / 2.0)
+                            : o.origin + index * o.spacing;
+                    Sample sample{p, Mat3(1.0), std::max({s.x, s.y, s.z}), value - member.base, 1.0 + mistakes_.weight};
                     for (int axis = 0; axis < 3; ++axis) {
                         sample.form[axis][axis] = 1.0 / (s[axis] * s[axis]);
                     }
-                    samples_.back().push_back(sample);
+                    if (!edge) {
+                        member.samples.push_back(sample);
+                        continue;
+                    }
+                    std::array<std::vector<double>, 3> places;
+                    for (int axis = 0; axis < 3; ++axis) {
+                        // A single layer is repeated: every other image of it in a mirror half a layer away.
+                        const double half = last[axis] == first[axis] ? 0.5 * o.spacing[axis] : 0.0;
+                        places[static_cast<std::size_t>(axis)] =
+                            images(p[axis], first[axis] - half, last[axis] + half, domain.lower[axis],
+                                   domain.upper[axis], s[axis]);
+                    }
+                    for (const double x : places[0]) {
+                        for (const double y : places[1]) {
+                            for (const double z : places[2]) {
+                                sample.position = Vec3(x, y, z);
+                                sample.mirrored = sample.position != p;
+                                const Vec3 nearest = glm::clamp(sample.position, domain.lower, domain.upper);
+                                if (glm::length((sample.position - nearest) / s) < 1.0) {
+                                    member.samples.push_back(sample);
+                                }
+                            }
+                        }
+                    }
                 }
             }
         }
+        if (holes && edge && member.how == Normalization::lattice) {
+            member.how = Normalization::threshold;
+            member.w0 = 0.5 * lattice_constant(field);
+            member.least = member.w0 * (1.0 + mistakes_.hole);
+        }
     }
 
-    void collect_ellipsoids(const EllipsoidField& field) {
+    void collect_ellipsoids(const EllipsoidField& field, Member& member) {
         const EllipsoidArrays& arrays = field.arrays();
         for (std::size_t n = 0; n < arrays.centers.size(); ++n) {
             const Vec3 s = arrays.scales.empty() ? Vec3(arrays.radii[n]) : arrays.scales[n];
@@ -130,9 +246,9 @@ class Page {
                        s.z);
             const double c = std::cos(mistakes_.turn), sine = std::sin(mistakes_.turn);
             m = Mat3(Vec3(1.0, 0.0, 0.0), Vec3(0.0, c, sine), Vec3(0.0, -sine, c)) * m;
-            samples_.back().push_back({arrays.centers[n], glm::inverse(covariance(m)), std::max({s.x, s.y, s.z}),
-                                       arrays.values[n],
-                                       (arrays.weights.empty() ? 1.0 : arrays.weights[n]) + mistakes_.weight});
+            member.samples.push_back({arrays.centers[n], glm::inverse(covariance(m)), std::max({s.x, s.y, s.z}),
+                                      arrays.values[n] - member.base,
+                                      (arrays.weights.empty() ? 1.0 : arrays.weights[n]) + mistakes_.weight, false});
         }
     }
 
@@ -178,8 +294,8 @@ class Page {
     void choose_slices() {
         anchor_ = depth_of(centre_) + mistakes_.depth;
         double reach = 0.0;
-        for (const std::vector<Sample>& samples : samples_) {
-            for (const Sample& sample : samples) {
+        for (const Member& member : members_) {
+            for (const Sample& sample : member.samples) {
                 reach = std::max(reach, glm::length(sample.position - centre_) + sample.reach);
             }
         }
@@ -195,8 +311,8 @@ class Page {
     }
     // Whether slab n meets a support.
     bool met_by_support(int n) const {
-        for (const std::vector<Sample>& samples : samples_) {
-            for (const Sample& sample : samples) {
+        for (const Member& member : members_) {
+            for (const Sample& sample : member.samples) {
                 const Vec3 back = camera_.back_world();
                 const double reach = std::sqrt(glm::dot(back, glm::inverse(sample.form) * back));
                 if (std::abs(depth_of(sample.position) - depth(n)) < reach + 0.5 * spacing_) {
@@ -231,7 +347,7 @@ class Page {
     // D, W and emptiness of one field at a pixel and a slice.
     void sums(std::size_t f, int i, int j, int n, double& d, double& w, bool& empty) const {
         const double k = scene_.fields[f]->kernel().falloff + mistakes_.falloff;
-        for (const Sample& sample : samples_[f]) {
+        for (const Sample& sample : members_[f].samples) {
             const auto r_at = [&](const Vec3& x) {
                 return std::sqrt(std::max(0.0, glm::dot(x - sample.position, sample.form * (x - sample.position))));
             };
@@ -278,14 +394,20 @@ class Page {
             for (int j = -1; j <= size_.height && exists(n); ++j) {
                 for (int i = -1; i <= size_.width; ++i) {
                     Point& point = points_[at(i, j, n)];
+                    point.inside = inside(i, j, n);
                     for (std::size_t f = 0; f < scene_.fields.size(); ++f) {
+                        const Member& member = members_[f];
                         double d = 0.0, w = 0.0;
-                        sums(f, i, j, n, d, w, point.empty);
-                        const Normalization how = scene_.fields[f]->normalization();
-                        point.rho += how == Normalization::none      ? d
-                                     : how == Normalization::lattice ? d / constants[f]
-                                                                     : d / std::max(scene_.fields[f]->w0(), w);
-                        point.w += w;
+                        bool empty = true;
+                        sums(f, i, j, n, d, w, empty);
+                        point.rho += member.how == Normalization::none      ? d
+                                     : member.how == Normalization::lattice ? d / constants[f]
+                                                                            : d / std::max(member.w0, w);
+                        point.w += point.inside ? w : 0.0;
+                        if (point.inside && !empty && w >= member.least) {
+                            point.empty = false;
+                            point.counts = point.counts || w > 0.0;
+                        }
                     }
                 }
             }
@@ -295,9 +417,21 @@ class Page {
     std::size_t at(int i, int j, int n) const {
         return static_cast<std::size_t>(((n - first_) * (size_.height + 2) + j + 1) * (size_.width + 2) + i + 1);
     }
+    /// Where there is no slice, too.
+    bool inside(int i, int j, int n) const {
+        const Vec3 place = world_point(i, j, depth(n));
+        bool in = true;
+        for (int axis = 0; axis < 3 && domain_; ++axis) {
+            in = in && place[axis] >= domain_->lower[axis] - 1e-6 * spacing_ &&
+                 place[axis] <= domain_->upper[axis] + 1e-6 * spacing_;
+        }
+        return in;
+    }
     Point point(int i, int j, int n) const { return exists(n) ? points_[at(i, j, n)] : Point{}; }
 
-    TransferPoint function(double value) const {
+    /// Of rho less the base.
+    TransferPoint function(double above_base) const {
+        const double value = base_ + above_base;
         const auto& points = scene_.transfer_function.points();
         if (value < points.front().value) {
             return points.front();
@@ -333,7 +467,16 @@ class Page {
             return c;
         }
         const auto& f = scene_.transfer_function;
-        const double weakest = 1e-3 * (f.v_max() - f.v_min()) / reference_length_;
+        double range = 0.0;
+        for (const Member& member : members_) {
+            double low = infinity, high = -infinity;
+            for (const Sample& sample : member.samples) {
+                low = std::min(low, sample.value);
+                high = std::max(high, sample.value);
+            }
+            range = std::max(range, high - low);
+        }
+        const double weakest = 1e-3 * std::max(f.v_max() - f.v_min(), range / 4096.0) / reference_length_;
         const Vec3 n = g == Vec3(0.0) ? g : -g / std::max(glm::length(g), weakest);
         const Vec3 v = -glm::normalize(ray(i, j));
         const Material& m = scene_.material;
@@ -367,11 +510,11 @@ class Page {
         std::vector<double> ends{lower, upper};
         const auto& points = scene_.transfer_function.points();
         for (std::size_t n = 0; n < points.size(); ++n) {
-            ends.push_back(points[n].value);
+            ends.push_back(points[n].value - base_);
             if (n > 0 && points[n].opacity != points[n - 1].opacity) {
                 const double x = (limit - points[n - 1].opacity) / (points[n].opacity - points[n - 1].opacity);
                 if (x > 0.0 && x < 1.0) {
-                    ends.push_back(points[n - 1].value + x * (points[n].value - points[n - 1].value));
+                    ends.push_back(points[n - 1].value - base_ + x * (points[n].value - points[n - 1].value));
                 }
             }
         }
@@ -395,7 +538,7 @@ class Page {
 
     void add_pixel(int i, int j, Picture& result) const {
         const double s = secant(i, j);
-        double coverage = 0.0, scalar = 0.0, opacity = 0.0, half_depth = infinity;
+        double coverage = 0.0, scalar = 0.0, counted = 0.0, opacity = 0.0, half_depth = infinity;
         Vec3 color(0.0);
         const auto behind = [&](const Vec3& c, double alpha, double t) {
             color += (1.0 - opacity) * alpha * c;
@@ -408,15 +551,23 @@ class Page {
         for (int n = first_ - 1; n <= first_ + count_; ++n) {
             const Point here = point(i, j, n), next = point(i, j, n + 1);
             coverage += here.w * spacing_ * s;
-            if (scene_.mode == Mode::xray) {
-                scalar += here.rho * spacing_ * s;
-            } else if (scene_.mode == Mode::mip) {
-                scalar = std::max(scalar, here.rho);
+            const bool scalar_mode = scene_.mode != Mode::composite && scene_.mode != Mode::isosurface;
+            if (scalar_mode) {
+                if (here.counts) {
+                    const double rho = base_ + here.rho;
+                    counted += 1.0;
+                    scalar = scene_.mode == Mode::xray      ? scalar + rho * spacing_ * s
+                             : scene_.mode == Mode::average ? scalar + rho
+                             : counted == 1.0               ? rho
+                             : scene_.mode == Mode::minimum ? std::min(scalar, rho)
+                                                            : std::max(scalar, rho);
+                }
             } else if (scene_.mode == Mode::isosurface) {
-                const double iso = scene_.iso_values.front().value;
+                const double iso = scene_.iso_values.front().value - base_;
                 // Between what the near plane removes and what it leaves nothing crosses.
                 const bool cut = perspective() && depth(n) <= camera_.near() && met_by_support(n);
-                if (!cut && !crossed && (here.rho < iso) != (next.rho < iso)) {
+                if (!cut && !crossed && inside(i, j, n) && inside(i, j, n + 1) &&
+                    (here.rho < iso) != (next.rho < iso)) {
                     const double x = (iso - here.rho) / (next.rho - here.rho);
                     const Vec3 g = gradient(i, j, n) * (1.0 - x) + gradient(i, j, n + 1) * x;
                     behind(shaded(function(iso).color, g, i, j), 1.0, depth(n) + x * spacing_);
@@ -440,8 +591,11 @@ class Page {
                        -std::expm1(spacing_ * s / reference_length_ * std::log1p(-looks.opacity)), depth(n));
             }
         }
-        if (scene_.mode == Mode::xray || scene_.mode == Mode::mip) {
-            result.scalar.push_back(scalar);
+        if (scene_.mode != Mode::composite && scene_.mode != Mode::isosurface) {
+            const bool average = scene_.mode == Mode::average;
+            result.scalar.push_back(counted > 0.0               ? scalar / (average ? counted : 1.0)
+                                    : scene_.mode == Mode::xray ? 0.0
+                                                                : std::numeric_limits<double>::quiet_NaN());
         } else {
             if (scene_.background) {
                 color += (1.0 - opacity) * *scene_.background;
@@ -458,7 +612,9 @@ class Page {
     Size size_;
     Mistakes mistakes_;
     double spacing_, reference_length_;
-    std::vector<std::vector<Sample>> samples_;
+    std::vector<Member> members_;
+    std::optional<Box> domain_; ///< of all fields
+    double base_ = 0.0;         ///< of all fields
     Vec3 centre_{0.0};
     double anchor_ = 0.0;
     int first_ = 0, count_ = 0;

@@ -8,6 +8,7 @@
 #include <initializer_list>
 #include <limits>
 #include <memory>
+#include <numeric>
 #include <random>
 #include <vector>
 
@@ -15,19 +16,22 @@
 #include <glm/gtc/quaternion.hpp>
 
 #include "reference/reference.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::reference::testing {
 
 constexpr double pi = 3.14159265358979323846;
+/// What modes mip, minimum and average show where no slice counts.
+constexpr double no_number = std::numeric_limits<double>::quiet_NaN();
 
 inline std::shared_ptr<const RegularField> make_field(std::vector<double> samples, std::array<std::size_t, 3> shape,
-                                                      const RegularFieldOptions& options = {}) {
+                                                      const RegularFieldOptions& options = test::zero_boundary()) {
     return std::make_shared<const RegularField>(SampleArray(std::move(samples)), shape, options);
 }
 
 /// Options whose rho is the plain sum of kernels.
 inline RegularFieldOptions plain_options(double radius = 2.0, double falloff = 5.0) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.radius = radius;
     options.falloff = falloff;
     options.normalization = Normalization::none;
@@ -122,7 +126,7 @@ inline Camera front_camera(double height, double distance = 20.0) {
 }
 
 /// Smooth blobs, 9 * 8 * 7 samples in [0, 1], 0 at most borders.
-inline std::shared_ptr<const RegularField> blobs(const RegularFieldOptions& options = {}) {
+inline std::shared_ptr<const RegularField> blobs(const RegularFieldOptions& options = test::zero_boundary()) {
     const std::array<std::size_t, 3> shape{7, 8, 9};
     return make_field(sampled(shape,
                               [](int i, int j, int k) {
@@ -146,14 +150,14 @@ inline std::vector<Light> two_lights() {
 }
 
 /// Largest difference of two arrays of one length; infinite where only one is NaN or infinite, or where the lengths
-/// differ.
+/// differ; none between two NaN.
 inline double largest_difference(const std::vector<double>& a, const std::vector<double>& b) {
     if (a.size() != b.size()) {
         return std::numeric_limits<double>::infinity();
     }
     double largest = 0.0;
     for (std::size_t n = 0; n < a.size(); ++n) {
-        if (!(a[n] == b[n])) {
+        if (!(a[n] == b[n]) && !(std::isnan(a[n]) && std::isnan(b[n]))) {
             const double difference = std::abs(a[n] - b[n]);
             largest = std::isnan(difference) ? std::numeric_limits<double>::infinity() : std::max(largest, difference);
         }
@@ -169,7 +173,11 @@ inline double root_mean_square(const std::vector<double>& a, const std::vector<d
     return std::sqrt(sum / static_cast<double>(a.size()));
 }
 
-inline double largest_of(const std::vector<double>& values) { return *std::max_element(values.begin(), values.end()); }
+/// NaN left out.
+inline double largest_of(const std::vector<double>& values) {
+    return std::accumulate(values.begin(), values.end(), -std::numeric_limits<double>::infinity(),
+                           [](double a, double b) { return std::isnan(b) ? a : std::max(a, b); });
+}
 
 /// Adaptive Gauss-Legendre, eight points: an integral to about `tolerance`, by nothing but function values.
 inline double integrate(const std::function<double(double)>& function, double from, double to, double tolerance,

@@ -8,6 +8,7 @@
 
 #include "brute_force.hpp"
 #include "support.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::reference::testing {
 
@@ -29,8 +30,13 @@ struct Dice {
     }
 };
 
-std::shared_ptr<const RegularField> random_field(Dice& dice) {
-    RegularFieldOptions options;
+/// Now and then one that ends where `like` does.
+std::shared_ptr<const RegularField> random_field(Dice& dice, const Field* like = nullptr) {
+    RegularFieldOptions options = test::zero_boundary();
+    options.boundary = dice.one_in(2) ? Boundary::edge : Boundary::zero;
+    if (dice.one_in(3)) {
+        options.base = dice.real(-1.0, 1.0);
+    }
     options.spacing = Vec3(dice.real(0.6, 1.6), dice.real(0.6, 1.6), dice.real(0.6, 1.6));
     options.origin = Vec3(dice.real(-3.0, 3.0), dice.real(-3.0, 3.0), dice.real(-3.0, 3.0));
     options.lattice = dice.one_in(3) ? Lattice::bcc : Lattice::cartesian;
@@ -40,11 +46,21 @@ std::shared_ptr<const RegularField> random_field(Dice& dice) {
         std::array{Normalization::none, Normalization::lattice, Normalization::threshold}[dice.generator() % 3];
     options.w0 = dice.real(0.1, 1.5);
     options.nan = NanPolicy::skip;
-    const std::array<std::size_t, 3> shape{static_cast<std::size_t>(dice.whole(1, 4)),
-                                           static_cast<std::size_t>(dice.whole(1, 4)),
-                                           static_cast<std::size_t>(dice.whole(2, 5))};
+    std::array<std::size_t, 3> shape{static_cast<std::size_t>(dice.whole(1, 4)),
+                                     static_cast<std::size_t>(dice.whole(1, 4)),
+                                     static_cast<std::size_t>(dice.whole(2, 5))};
+    if (const RegularField* lattice = as_regular(like); lattice != nullptr && dice.one_in(2)) {
+        options.boundary = lattice->options().boundary;
+        options.lattice = lattice->options().lattice;
+        options.spacing = lattice->options().spacing;
+        options.origin = lattice->options().origin;
+        shape = lattice->shape();
+    }
+    const int missing = dice.one_in(3) ? 2 : 8;
     auto samples = sampled(shape, [&](int, int, int) {
-        return dice.one_in(6) ? 0.0 : dice.one_in(8) ? std::numeric_limits<double>::quiet_NaN() : dice.real(-0.4, 1.0);
+        return dice.one_in(6)         ? 0.0
+               : dice.one_in(missing) ? std::numeric_limits<double>::quiet_NaN()
+                                      : dice.real(-0.4, 1.0);
     });
     samples[0] = 0.7;
     return make_field(std::move(samples), shape, options);
@@ -57,6 +73,7 @@ std::shared_ptr<const EllipsoidField> random_ellipsoids(Dice& dice) {
     options.falloff = dice.real(2.0, 9.0);
     options.w0 = dice.real(0.1, 1.5);
     options.cell_volume = dice.real(0.2, 3.0);
+    options.base = dice.one_in(3) ? dice.real(-1.0, 1.0) : 0.0;
     const bool one_volume = options.normalization == Normalization::lattice;
     const bool spheres = !one_volume && dice.one_in(5), turned = !dice.one_in(5), weighted = dice.one_in(2);
     const Vec3 same(dice.real(0.3, 1.0), dice.real(0.3, 2.0), dice.real(0.5, 2.5));
@@ -122,7 +139,7 @@ RandomPicture random_picture(unsigned seed, Kinds kinds = Kinds::lattices) {
         if (kinds == Kinds::ellipsoids && dice.one_in(3)) {
             scene.fields.push_back(random_ellipsoids(dice));
         } else {
-            scene.fields.push_back(random_field(dice));
+            scene.fields.push_back(random_field(dice, first.get()));
         }
     }
     if (kinds == Kinds::ellipsoids && dice.one_in(3)) {
@@ -133,6 +150,9 @@ RandomPicture random_picture(unsigned seed, Kinds kinds = Kinds::lattices) {
     scene.reference_length = dice.real(0.5, 2.0);
     scene.mode = std::array{
         Mode::composite, Mode::composite, Mode::composite, Mode::isosurface, Mode::xray, Mode::mip}[seed % 6];
+    if (scene.mode == Mode::mip) {
+        scene.mode = std::array{Mode::mip, Mode::minimum, Mode::average}[dice.generator() % 3];
+    }
     if (scene.mode == Mode::isosurface) {
         scene.iso_values = {dice.real(-0.1, 0.5)};
     }
@@ -207,11 +227,18 @@ TEST(BruteForce, RandomScenesAgree) {
         kinds[random.camera.projection() == Projection::perspective ? "perspective" : "orthographic"] += 1;
         kinds[random.scene.sampling == Sampling::slab ? "slab" : "point"] += 1;
         kinds[random.scene.preintegration ? "preintegrated" : "plain"] += 1;
+        const RegularField& lattice = *as_regular(random.scene.fields.front().get());
+        kinds[lattice.domain_world() ? "ends" : "does not end"] += 1;
+        kinds[lattice.base() != 0.0 ? "based" : "counted from 0"] += 1;
+        kinds[lattice.least_weight() > 0.0 ? "empty in holes" : "no holes"] += 1;
+        const auto nothing = [](double value) { return std::isnan(value); };
+        kinds[std::any_of(actual.scalar.begin(), actual.scalar.end(), nothing) ? "no number" : "numbers"] += 1;
     }
     std::printf("largest difference of %u scenes: %.2e, %d of them not empty\n", scenes, worst, showing);
     EXPECT_GE(showing, static_cast<int>(scenes) * 3 / 4);
     for (const char* kind :
-         {"left out", "all drawn", "perspective", "orthographic", "slab", "point", "preintegrated", "plain"}) {
+         {"left out", "all drawn", "perspective", "orthographic", "slab", "point", "preintegrated", "plain", "ends",
+          "does not end", "based", "counted from 0", "empty in holes", "no holes", "no number", "numbers"}) {
         EXPECT_GE(kinds[kind], 5) << kind;
     }
 }
@@ -224,22 +251,27 @@ TEST(BruteForce, SmallMistakesAreSeen) {
         Mistakes mistakes;
         int seen_at_least;
     };
-    constexpr unsigned tried = 24;
+    constexpr unsigned tried = 60;
     const auto mistake = [](double Mistakes::*which, double size) {
         Mistakes mistakes;
         mistakes.*which = size;
         return mistakes;
     };
+    Mistakes repeated;
+    repeated.repeated = true;
     for (const Case& c :
-         {Case{"falloff", mistake(&Mistakes::falloff, 1e-9), 18}, Case{"secant", mistake(&Mistakes::secant, 1e-9), 18},
-          Case{"depth", mistake(&Mistakes::depth, 1e-9), 18},
-          Case{"shininess", mistake(&Mistakes::shininess, 1e-7), 6}}) {
+         {Case{"base", mistake(&Mistakes::base, 1e-9), 20}, Case{"hole", mistake(&Mistakes::hole, 0.8), 3},
+          Case{"domain", mistake(&Mistakes::domain, 0.2), 10}, Case{"repeated", repeated, 8},
+          Case{"falloff", mistake(&Mistakes::falloff, 1e-9), 40}, Case{"secant", mistake(&Mistakes::secant, 1e-9), 40},
+          Case{"depth", mistake(&Mistakes::depth, 1e-9), 40},
+          Case{"shininess", mistake(&Mistakes::shininess, 1e-7), 7}}) {
         int seen = 0;
         for (unsigned seed = 0; seed < tried; ++seed) {
             const RandomPicture random = random_picture(seed);
             const Picture actual = render(random.scene, random.camera, random.size, request);
             seen += distance(actual, brute_force(random, c.mistakes)) > tolerance ? 1 : 0;
         }
+        std::printf("%s: seen in %d of %u scenes\n", c.name, seen, tried);
         EXPECT_GE(seen, c.seen_at_least) << c.name;
     }
 }

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "support.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::reference::testing {
 
@@ -18,7 +19,7 @@ TransferFunction constant_function(double opacity) {
 
 /// A volume whose support is 8 deep at the middle of the picture: 5 samples of radius 2.
 Scene homogeneous(double opacity, double spacing, double reference_length = 1.0) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.origin = Vec3(-2.0);
     Scene scene = make_scene(make_field(sampled({5, 5, 5}, [](int, int, int) { return 1.0; }), {5, 5, 5}, options),
                              constant_function(opacity));
@@ -145,7 +146,7 @@ TEST(BeerLambert, OpaqueIsOpaque) {
 
 TEST(BeerLambert, ObliqueRaysGoFurther) {
     // A single slice, 18 in front of the eye: alpha of the path's length, s = 1 / cos theta.
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.spacing = Vec3(1.0, 1.0, 6.0);
     options.origin = Vec3(-12.0, -12.0, -6.0);
     Scene scene = make_scene(make_field(sampled({3, 25, 25}, [](int, int, int) { return 1.0; }), {3, 25, 25}, options),

@@ -10,6 +10,7 @@
 #include "reference/surroundings.hpp"
 #include "sheetsplat/error.hpp"
 #include "support.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::reference::testing {
 
@@ -45,8 +46,8 @@ std::shared_ptr<const EllipsoidField> smooth_cloud(Normalization normalization) 
 Sheet sheet_of(const Scene& scene, const Camera& camera, std::int64_t n, Slices& slices) {
     const Screen screen(camera, size);
     slices = find_slices(scene, camera, screen, 1.0);
-    FieldSums sums(*scene.fields.front(), scene, camera, screen, slices, 1.0, ZeroKernels::drawn);
-    Sheet sheet(screen, false, true);
+    FieldSums sums(*scene.fields.front(), {}, scene, camera, screen, slices, 1.0, ZeroKernels::drawn);
+    Sheet sheet(screen, {false, false, true});
     SheetSums scratch(sheet);
     for (std::int64_t at = slices.first; at <= n; ++at) {
         sheet.clear();
@@ -323,7 +324,7 @@ TEST(Clipping, OfABoxIsThatOfSixPlanes) {
 
 TEST(GradientOpacity, OfARamp) {
     // rho = x / 4 far from the borders, so that a is multiplied by 1 / (4 g1) there; below g1 = 1/4 by 1.
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.normalization = Normalization::threshold;
     options.w0 = 1e-6;
     options.radius = 3.0;
@@ -433,7 +434,7 @@ namespace {
 
 /// Constant opacity 0.2 per length, wherever a kernel reaches, in a box of 13^3 samples around the origin.
 Scene block(double spacing) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.normalization = Normalization::threshold;
     options.origin = Vec3(-6.0);
     Scene scene = make_scene(make_field(std::vector<double>(13 * 13 * 13, 1.0), {13, 13, 13}, options),
@@ -447,7 +448,8 @@ Scene block(double spacing) {
 double left_towards(const Scene& scene, const Vec3& world, const Vec3& direction) {
     const Camera camera = front_camera(4.0);
     const Clipping clipping(scene, camera);
-    const Surroundings surroundings(scene, camera, Screen(camera, size), clipping, 1.0);
+    const CountedScene counted(scene);
+    const Surroundings surroundings(counted, camera, Screen(camera, size), clipping, 1.0);
     return surroundings.light(world - Vec3(0.0, 0.0, 20.0), glm::normalize(direction), 0.0);
 }
 
@@ -474,7 +476,7 @@ TEST(Shadow, OfAHomogeneousBlock) {
 TEST(Shadow, OfSurfacesIsWhatTheyShow) {
     // A surface in the plane z = 2, and a curtain beside the view, 2 thick (and its kernels' reach of 2 on either
     // side), between it and a light that comes in at 45 degrees. Value 1 is the surface's, 0.1 the curtain's.
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.normalization = Normalization::threshold;
     options.w0 = 1e-9;
     options.origin = Vec3(-4.0, -4.0, -8.0);
@@ -549,7 +551,8 @@ TEST(AmbientOcclusion, InsideAHomogeneousBlock) {
         scene.ambient_occlusion = AmbientOcclusion{radius, 0.6};
         const Camera camera = front_camera(4.0);
         const Clipping clipping(scene, camera);
-        const Surroundings surroundings(scene, camera, Screen(camera, size), clipping, 1.0);
+        const CountedScene counted(scene);
+        const Surroundings surroundings(counted, camera, Screen(camera, size), clipping, 1.0);
         const double steps = std::max(1.0, std::floor(radius / 0.5));
         const double open = std::pow(0.8, 0.5 * steps);
         EXPECT_NEAR(surroundings.ambient(Vec3(0.0, 0.0, -20.0), 0.0), 1.0 - 0.6 * (1.0 - open), 1e-13);
@@ -569,7 +572,8 @@ TEST(AmbientOcclusion, OfSurfacesCountsCrossingsWithinTheRadius) {
     const auto ambient = [&](double z, double radius) {
         scene.ambient_occlusion = AmbientOcclusion{radius, 0.6};
         const Clipping clipping(scene, camera);
-        const Surroundings surroundings(scene, camera, Screen(camera, size), clipping, 1.0);
+        const CountedScene counted(scene);
+        const Surroundings surroundings(counted, camera, Screen(camera, size), clipping, 1.0);
         return surroundings.ambient(Vec3(0.0, 0.0, z - 20.0), 0.0);
     };
     EXPECT_EQ(ambient(0.0, 3.0), 1.0);

@@ -5,6 +5,7 @@
 #include "reference/ellipsoid_scenes.hpp"
 #include "reference/kernels.hpp"
 #include "reference/support.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::reference::testing {
 
@@ -12,7 +13,7 @@ namespace {
 
 TEST(Ellipsoids, ARegularLatticeIsTheSameAsItsKernels) {
     for (const Lattice lattice : {Lattice::cartesian, Lattice::bcc}) {
-        RegularFieldOptions options;
+        RegularFieldOptions options = test::zero_boundary();
         options.lattice = lattice;
         options.spacing = lattice == Lattice::bcc ? Vec3(1.25) : Vec3(1.0, 0.75, 1.5);
         options.origin = Vec3(-4.0, -3.0, -3.5);

@@ -3,6 +3,7 @@
 
 #include "reference/kernels.hpp"
 #include "reference/support.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::reference::testing {
 
@@ -294,7 +295,7 @@ TEST(EwaFilter, ItsSupportDecidesWhichSlicesThereAre) {
 
 TEST(EwaFilter, GoesForLatticesToo) {
     // A volume finer than the pixels: filtered, its constant stays its constant inside.
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.origin = Vec3(-6.0);
     options.spacing = Vec3(0.5);
     const auto field = make_field(sampled({25, 25, 25}, [](int, int, int) { return 0.7; }), {25, 25, 25}, options);

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "support.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::reference::testing {
 
@@ -26,7 +27,7 @@ constexpr Size size{24, 18};
 
 TEST(Invariance, TranslationOfTheWorld) {
     const auto picture = [](const Vec3& shift, double mistake) {
-        RegularFieldOptions options;
+        RegularFieldOptions options = test::zero_boundary();
         options.origin = shift;
         Scene scene = full_scene(blobs(options));
         const Vec3 target = Vec3(4.0, 3.5, 3.0) + shift;
@@ -45,7 +46,7 @@ TEST(Invariance, ScaleOfTheWorld) {
         for (const Lattice lattice : {Lattice::cartesian, Lattice::bcc}) {
             for (const Sampling sampling : {Sampling::point, Sampling::slab}) {
                 const auto picture = [&](double scale, double mistake = 1.0) {
-                    RegularFieldOptions options;
+                    RegularFieldOptions options = test::zero_boundary();
                     options.spacing = scale * Vec3(1.0, lattice == Lattice::bcc ? 1.0 : 0.8, 1.0);
                     options.lattice = lattice;
                     Scene scene = full_scene(blobs(options));
@@ -74,7 +75,7 @@ TEST(Invariance, OrderOfAxes) {
     const auto samples =
         sampled(shape, [](int i, int j, int k) { return 0.5 + 0.5 * std::sin(1.3 * i + 2.1 * j * k + 0.7 * k); });
     const auto at = [&](int i, int j, int k) { return samples[static_cast<std::size_t>((k * 5 + j) * 6 + i)]; };
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.spacing = Vec3(1.0, 1.3, 0.7);
     options.origin = Vec3(-2.0, -1.0, 0.5);
     RegularFieldOptions other = options;
@@ -105,6 +106,8 @@ TEST(Invariance, OrderOfSamples) {
     const auto reversed = sampled(
         shape, [&](int i, int j, int k) { return samples[static_cast<std::size_t>((k * 5 + 4 - j) * 6 + 5 - i)]; });
     RegularFieldOptions options, other;
+    // Not that of the first sample, which is another one from the other end.
+    options.base = other.base = 0.4;
     options.origin = Vec3(0.3, 0.2, 0.1);
     other.origin = Vec3(-0.3 - 5.0, -0.2 - 4.0, 0.1);
     const auto half_turn = [](const Vec3& v) { return Vec3(-v.x, -v.y, v.z); };
@@ -132,7 +135,7 @@ TEST(Invariance, SplittingKernels) {
     }
     for (const Normalization normalization : {Normalization::none, Normalization::lattice}) {
         for (const Mode mode : {Mode::composite, Mode::isosurface, Mode::xray, Mode::mip}) {
-            RegularFieldOptions options;
+            RegularFieldOptions options = test::zero_boundary();
             options.normalization = normalization;
             Scene whole = full_scene(make_field(samples, shape, options));
             whole.transfer_function =
@@ -157,7 +160,7 @@ TEST(Invariance, SplittingKernels) {
 TEST(Invariance, StretchedAlongTheView) {
     // Samples twice as far apart along z, slices too, opacity for twice the length: the same picture.
     const auto picture = [](double stretch) {
-        RegularFieldOptions options;
+        RegularFieldOptions options = test::zero_boundary();
         options.spacing = Vec3(1.0, 1.0, stretch);
         Scene scene = make_scene(blobs(options));
         scene.slice_spacing = 0.5 * stretch;
@@ -177,7 +180,7 @@ TEST(Invariance, StretchedAcrossTheView) {
     // Samples three times as far apart along x, a picture three times as wide: every third column, the middle one of
     // three.
     const auto picture = [](int stretch) {
-        RegularFieldOptions options;
+        RegularFieldOptions options = test::zero_boundary();
         options.spacing = Vec3(stretch, 1.0, 1.0);
         Scene scene = make_scene(blobs(options));
         scene.slice_spacing = 0.5;

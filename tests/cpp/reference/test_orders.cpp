@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "support.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::reference::testing {
 
@@ -76,7 +77,7 @@ TEST(Orders, Preintegration) {
 
 TEST(Orders, SecondOrderOfPreintegration) {
     // Kernels whose edges are so low that rho bends nowhere, and a function without corners inside its range.
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.radius = 3.0;
     options.falloff = 20.0;
     Scene scene = make_scene(blobs(options),
@@ -96,7 +97,7 @@ TEST(Orders, SecondOrderOfPreintegration) {
 
 TEST(Orders, SheetsTendToAnalyticGradients) {
     // Pixel and distance of slices are halved together: differences of second order.
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.falloff = 12.0;
     options.radius = 2.5;
     Scene scene = make_scene(blobs(options));

@@ -193,7 +193,7 @@ TEST(QuadricSlice, IsWhatASliceOfAPictureShows) {
                             conic.least_r_squared + (1.0 - conic.least_r_squared) * (a * a + b * b);
                         most = std::max(most, kernel_value(std::sqrt(r_squared), 8.0));
                     }
-                    values.push_back(most);
+                    values.push_back(most > 0.0 ? most : no_number);
                 }
             }
             return values;

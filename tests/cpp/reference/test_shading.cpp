@@ -46,7 +46,7 @@ Scene lit(const std::vector<Light>& lights, const Material& material) {
 
 Vec3 lit_color(const std::vector<Light>& lights, const Material& material, const Vec3& color, const Vec3& gradient,
                const Vec3& viewer = Vec3(0.0, 0.0, 1.0)) {
-    return Shader(lit(lights, material), front_camera(2.0)).shade(color, gradient, {viewer});
+    return Shader(CountedScene(lit(lights, material)), front_camera(2.0)).shade(color, gradient, {viewer});
 }
 
 void expect_color(const Vec3& actual, const Vec3& expected) {
@@ -106,7 +106,8 @@ TEST(Phong, WeakGradientsFade) {
     Scene scene = lit({head}, material);
     scene.reference_length = 0.1;
     const Vec3 per_length = *scene.reference_length * Vec3(0.0, 0.0, -1e-3);
-    expect_color(Shader(scene, front_camera(2.0)).shade(Vec3(1.0), per_length, {Vec3(0.0, 0.0, 1.0)}), Vec3(0.1));
+    expect_color(Shader(CountedScene(scene), front_camera(2.0)).shade(Vec3(1.0), per_length, {Vec3(0.0, 0.0, 1.0)}),
+                 Vec3(0.1));
 }
 
 TEST(Phong, WorldLightsTurnWithTheWorld) {
@@ -114,7 +115,7 @@ TEST(Phong, WorldLightsTurnWithTheWorld) {
     const Camera camera = Camera::orthographic(Vec3(5.0, 0.0, 0.0), Vec3(0.0), Vec3(0.0, 0.0, 1.0), 2.0);
     // Seen from +x with z up: the world's x is towards the viewer, y to the right, z up.
     const Scene scene = lit({{Vec3(0.6, 0.8, 0.0), Vec3(1.0), LightSpace::world}}, material);
-    const Shader shader(scene, camera);
+    const Shader shader(CountedScene(scene), camera);
     EXPECT_NEAR(shader.shade(Vec3(1.0), Vec3(0.0, 0.0, -1.0), {Vec3(0.0, 0.0, 1.0)}).x, 0.6, 1e-15);
     EXPECT_NEAR(shader.shade(Vec3(1.0), Vec3(-1.0, 0.0, 0.0), {Vec3(0.0, 0.0, 1.0)}).x, 0.8, 1e-15);
 }

@@ -12,6 +12,7 @@
 #include "sheetsplat/error.hpp"
 #include "sheetsplat/scene.hpp"
 #include "support.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat {
 namespace {
@@ -23,14 +24,14 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 constexpr double nan = std::numeric_limits<double>::quiet_NaN();
 
 std::shared_ptr<const RegularField> field_at(const Vec3& origin, const Vec3& spacing) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.origin = origin;
     options.spacing = spacing;
     return std::make_shared<RegularField>(std::vector<float>(8, 1.0F), std::array<std::size_t, 3>{2, 2, 2}, options);
 }
 
 std::shared_ptr<const RegularField> field_of_nothing() {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.nan = NanPolicy::skip;
     return std::make_shared<RegularField>(std::vector<double>(1, nan), std::array<std::size_t, 3>{1, 1, 1}, options);
 }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "sheetsplat/field.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::test {
 
@@ -22,7 +23,8 @@ inline std::shared_ptr<const RegularField> bumps(std::size_t n = 14) {
         const double wave = 0.25 * std::sin(8.0 * at.x) * std::cos(7.0 * at.y + 1.0) * std::sin(6.0 * at.z);
         samples[i] = static_cast<float>(std::clamp(1.1 - r + wave, 0.0, 1.0));
     }
-    return std::make_shared<RegularField>(std::move(samples), std::array<std::size_t, 3>{n, n, n});
+    return std::make_shared<RegularField>(std::move(samples), std::array<std::size_t, 3>{n, n, n},
+                                          test::zero_boundary());
 }
 
 } // namespace sheetsplat::test

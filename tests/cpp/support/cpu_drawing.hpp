@@ -21,6 +21,7 @@
 #include "sheetsplat/image.hpp"
 #include "view/ellipsoid_view.hpp"
 #include "view/field_view.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::test {
 
@@ -131,12 +132,22 @@ class CpuDrawing {
     backend_cpu::Job job_;
 };
 
-/// Colour or scalar, whichever there is.
-inline const std::vector<float>& pixels_of(const Image& image) {
-    return image.rgba.empty() ? image.scalar : image.rgba;
+/// What a pixel without a number is compared as: no other pixel has this value.
+constexpr double no_number = -3.0;
+
+template <class T>
+std::vector<T> without_nan(std::vector<T> pixels) {
+    std::replace_if(
+        pixels.begin(), pixels.end(), [](T value) { return std::isnan(value); }, static_cast<T>(no_number));
+    return pixels;
 }
-inline const std::vector<double>& pixels_of(const reference::Picture& picture) {
-    return picture.rgba.empty() ? picture.scalar : picture.rgba;
+
+/// Colour or scalar, whichever there is.
+inline std::vector<float> pixels_of(const Image& image) {
+    return without_nan(image.rgba.empty() ? image.scalar : image.rgba);
+}
+inline std::vector<double> pixels_of(const reference::Picture& picture) {
+    return without_nan(picture.rgba.empty() ? picture.scalar : picture.rgba);
 }
 
 /// Root mean square and largest difference; of scalar pictures over max(1, largest of the second).
@@ -192,7 +203,7 @@ inline double largest(const std::vector<double>& values) {
 // Scenes --------------------------------------------------------------------------------------------------------------
 
 /// A soft ball with bumps, values 0 to 1.
-inline std::shared_ptr<const RegularField> ball(std::size_t n, const RegularFieldOptions& options = {}) {
+inline std::shared_ptr<const RegularField> ball(std::size_t n, const RegularFieldOptions& options = test::zero_boundary()) {
     std::vector<float> samples(n * n * n);
     for (std::size_t k = 0; k < n; ++k) {
         for (std::size_t j = 0; j < n; ++j) {

@@ -15,6 +15,7 @@
 #include "support.hpp"
 #include "support/against_reference.hpp"
 #include "support/draws.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::testing {
 
@@ -112,7 +113,7 @@ inline std::shared_ptr<const RegularField> lattice(Normalization normalization, 
     for (std::size_t i = 0; i < samples.size(); ++i) {
         samples[i] = static_cast<float>(0.3 + 0.2 * std::sin(0.7 * double(i)));
     }
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.lattice = lattice;
     options.normalization = normalization;
     options.spacing = Vec3(0.13);

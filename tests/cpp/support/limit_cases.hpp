@@ -11,6 +11,7 @@
 #include "plan/make_plan.hpp"
 #include "sheetsplat/error.hpp"
 #include "support/facts.hpp"
+#include "support/lattices.hpp"
 
 namespace sheetsplat::test {
 
@@ -47,7 +48,7 @@ inline std::string name_of(const testing::TestParamInfo<Limit>& info) { return i
 
 inline std::shared_ptr<const Field> lattice(Normalization normalization = Normalization::lattice, double offset = 0.0,
                                             double falloff = 5.0) {
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.normalization = normalization;
     options.falloff = falloff;
     std::vector<double> samples{0.0, 1.0, 0.5, 0.2, 0.1, 0.9, 0.3, 0.4};

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "sheetsplat/error.hpp"
+#include "support/lattices.hpp"
 #include "view/slab_batches.hpp"
 
 namespace sheetsplat {
@@ -20,7 +21,7 @@ std::shared_ptr<const RegularField> random_field(Lattice lattice, Vec3 spacing, 
     for (float& sample : samples) {
         sample = uniform(random) < 0.3F ? 0.0F : uniform(random);
     }
-    RegularFieldOptions options;
+    RegularFieldOptions options = test::zero_boundary();
     options.lattice = lattice;
     options.spacing = spacing;
     options.origin = Vec3(100.0, -3.0, 7.0);

@@ -24,6 +24,12 @@ def erf(x: Array) -> Array:
     return np.asarray(quick(x))
 
 
+# Of lattices that are not told where they end: what the package does with them.
+DEFAULT_BOUNDARY = "edge"
+# World-aligned: the lower and the upper corner.
+Box = tuple[Array, Array]
+
+
 @dataclass
 class RegularField:
     """Samples values[k, j, i] of a Cartesian or BCC lattice."""
@@ -37,19 +43,82 @@ class RegularField:
     normalization: str = "lattice"
     w0: float = 1.0
     nan: str = "error"
+    boundary: str | None = None  # edge | zero
+    base: float | None = None
 
-    def kernels(self) -> tuple[Array, Array]:
-        """Return the centres (N, 3) in world units without the origin, and the values (N,)."""
+    def ends(self) -> bool:
+        """Return whether the lattice ends, and has mirrored samples beyond its outermost ones."""
         values = np.asarray(self.values, float)
-        k, j, i = np.meshgrid(*(np.arange(n, dtype=float) for n in values.shape), indexing="ij")
-        if self.lattice == "bcc":
-            half = (k % 2) / 2
-            a = float(self.spacing[0])
-            centres = np.stack([(i + half) * a, (j + half) * a, k * a / 2], -1)
-        else:
-            centres = np.stack([i, j, k], -1) * np.asarray(self.spacing, float)
-        kept = ~np.isnan(values)
-        return centres[kept], values[kept]
+        one_layer = self.lattice == "bcc" and values.shape[0] < 2
+        return (self.boundary or DEFAULT_BOUNDARY) == "edge" and not one_layer and not np.isnan(values).all()
+
+    def counted_from(self) -> float:
+        """Return b."""
+        if self.base is not None:
+            return float(self.base)
+        values = np.asarray(self.values, float)
+        values = values[~np.isnan(values)]
+        if not self.ends() or self.normalization == "none":
+            return 0.0
+        if 100 * np.count_nonzero(values == values[0]) >= len(values):
+            return float(values[0])
+        return float(values.min() / 2 + values.max() / 2)
+
+    def layers(self) -> tuple[Array, Array]:
+        """Return samples [z, y, x] on a grid of all layers, NaN where there is none, and the layers' distances (3,).
+
+        Of BCC lattices, layers are half an edge apart along all axes.
+        """
+        values = np.asarray(self.values, float)
+        if self.lattice != "bcc":
+            return values, np.asarray(self.spacing, float)
+        nk, nj, ni = values.shape
+        grid = np.full((nk, 2 * nj, 2 * ni), np.nan)
+        grid[0::2, 0::2, 0::2] = values[0::2]
+        grid[1::2, 1::2, 1::2] = values[1::2]
+        # A lattice of one layer has no odd ones.
+        return (grid if nk > 1 else grid[:, :-1, :-1]), np.full(3, float(self.spacing[0]) / 2)
+
+    def domain(self) -> Box | None:
+        """Return where the lattice ends: half a layer's distance beyond the outermost layers."""
+        if not self.ends():
+            return None
+        grid, apart = self.layers()
+        origin = np.asarray(self.origin, float)
+        return origin - apart / 2, origin + (np.array(grid.shape[::-1]) - 0.5) * apart
+
+    def kernels(self, *, mirrored: bool = True) -> tuple[Array, Array]:
+        """Return the centres (N, 3) in world units without the origin, and f - b (N,)."""
+        grid, apart = self.layers()
+        counts = np.array(grid.shape)
+        radius = self.radius * (math.sqrt(2) if self.lattice == "bcc" else 1)
+        more = math.ceil(radius + 0.5) if mirrored and self.ends() else 0
+        for axis, count in enumerate(grid.shape):
+            width = [(0, 0)] * 3
+            width[axis] = (more, more)
+            grid = np.pad(grid, width, mode="reflect" if count > 1 else "edge")
+        z, y, x = np.meshgrid(*(np.arange(n, dtype=float) - more for n in grid.shape), indexing="ij")
+        place = np.stack([x, y, z], -1)
+        kept = ~np.isnan(grid)
+        if more:
+            # Distances to the domain, in layers: supports are open balls there, so that those that only touch stay out.
+            beyond = np.maximum(0, np.maximum(-0.5 - place, place - (counts[::-1] - 0.5)))
+            kept &= (beyond**2).sum(-1) < self.radius**2 * (2 if self.lattice == "bcc" else 1)
+        return place[kept] * apart, grid[kept] - self.counted_from()
+
+    def least_weight(self) -> float:
+        """Return the W below which a point is empty."""
+        holes = self.ends() and self.normalization == "lattice" and bool(np.isnan(np.asarray(self.values, float)).any())
+        return self.mass() / 2 if holes else 0.0
+
+    def range(self) -> float:
+        """Return the largest difference of two values."""
+        values = np.asarray(self.values, float)
+        return float(np.nanmax(values) - np.nanmin(values)) if not np.isnan(values).all() else 0.0
+
+    def anchors(self, eye: Array) -> Array:
+        """Return the centres of the samples that were given (N, 3), relative to the eye."""
+        return self.kernels(mirrored=False)[0] + (np.asarray(self.origin, float) - eye)
 
     def semi_axes(self) -> Array:
         """Return the semi-axes of the support, world units."""
@@ -94,6 +163,28 @@ class EllipsoidField:
     falloff: float = 8.0
     min_scale: float | None = None
     cell_volume: float | None = None
+    base: float = 0.0
+
+    def counted_from(self) -> float:
+        """Return b."""
+        return float(self.base)
+
+    def domain(self) -> Box | None:
+        """Return nothing: scattered kernels end nowhere."""
+        return None
+
+    def least_weight(self) -> float:
+        """Return the W below which a point is empty."""
+        return 0.0
+
+    def range(self) -> float:
+        """Return the largest difference of two values."""
+        values = np.asarray(self.values, float)
+        return float(np.ptp(values)) if len(values) else 0.0
+
+    def anchors(self, eye: Array) -> Array:
+        """Return the centres (N, 3) relative to the eye."""
+        return np.asarray(self.centers, float).reshape(-1, 3) - eye
 
     def semi_axes(self) -> Array:
         """Return the semi-axes of every kernel, (N, 3)."""
@@ -133,7 +224,7 @@ class EllipsoidField:
             world @ turn.T,
             turn @ frames * semi[:, None, :],
             np.swapaxes(frames, 1, 2) @ turn.T / semi[:, :, None],
-            np.asarray(self.values, float),
+            np.asarray(self.values, float) - self.base,
             weights,
         )
 
@@ -159,7 +250,7 @@ class Kernels:
     centres: Array  # (N, 3) eye axes
     factor: Array  # (N | 1, 3, 3) B: unit sphere to eye axes
     to_sphere: Array  # (N | 1, 3, 3) its inverse
-    values: Array  # (N,)
+    values: Array  # (N,) f - b
     weights: Array | None  # (N,), 1 unless given
 
     def reach(self) -> Array:
@@ -270,11 +361,13 @@ def kernel_slopes(delta: Array, ray: Array, kernels: Kernels, k: float, length: 
 
 
 def normalised(f: RegularField | EllipsoidField, data: Array, weights: Array) -> Array:
-    """Return ρ of the sums D and W (section 2)."""
+    """Return ρ - b of the sums D and W (section 2)."""
     if f.normalization == "none":
         return data
     if f.normalization == "threshold":
         return data / np.maximum(f.w0, weights)
+    if f.least_weight() > 0:
+        return data / np.maximum(f.least_weight(), weights)
     return data / f.mass()
 
 
@@ -284,8 +377,9 @@ def normalised_slope(
     """Return ∇ρ of the sums D and W and their gradients (section 10)."""
     if f.normalization == "none":
         return data_slope
-    if f.normalization == "lattice":
+    if f.normalization == "lattice" and f.least_weight() == 0:
         return data_slope / f.mass()
-    above = weights > f.w0
+    least = f.w0 if f.normalization == "threshold" else f.least_weight()
+    above = weights > least
     w = np.where(above, weights, 1.0)[:, None]
-    return np.where(above[:, None], (w * data_slope - data[:, None] * weight_slope) / w**2, data_slope / f.w0)
+    return np.where(above[:, None], (w * data_slope - data[:, None] * weight_slope) / w**2, data_slope / least)

@@ -64,27 +64,28 @@ class Around:
     def clear(self, points: Array) -> Array:
         """Return 1 - α of points, of all groups."""
         scene = self.scene
-        rho, empty = density(scene, self.placed, points, self.nudge)
+        rho, empty, _ = density(scene, self.placed, self.camera, points, self.nudge)
         left = np.ones(len(points))
         if empty.all():
             return left
-        for group, (_, tf) in enumerate(scene.groups()):
-            alpha = slice_opacity(tf(rho[group])[:, 3], np.array(scene.spacing() / scene.length()))
+        for group, ((_, tf), base) in enumerate(zip(scene.groups(), scene.bases(), strict=True)):
+            alpha = slice_opacity(tf.counted_from(base)(rho[group])[:, 3], np.array(scene.spacing() / scene.length()))
             left *= np.where(empty[group], 1.0, 1 - alpha)
         return np.where(self.kept(points), left, 1.0)
 
     def look_at(self, points: Array) -> tuple[Array, Mask]:
-        """Return rho of each group at points, and which of them clipping keeps."""
-        return density(self.scene, self.placed, points, self.nudge)[0], self.kept(points)
+        """Return rho of each group at points, and which of them clipping keeps in its domain."""
+        rho, _, within = density(self.scene, self.placed, self.camera, points, self.nudge)
+        return rho, within & self.kept(points)
 
     def between(self, front: tuple[Array, Mask], back: tuple[Array, Mask]) -> Array:
         """Return the product of 1 - o over the surfaces between points that were looked at."""
         (before, kept_before), (after, kept_after) = front, back
         both = kept_before & kept_after
-        left = np.ones(len(both))
+        left = np.ones(both.shape[1])
         for value, opacity in self.scene.surfaces():
-            for one, other in zip(before, after, strict=True):
-                left *= np.where(both & ((one < value) != (other < value)), 1 - opacity, 1.0)
+            for one, other, kept, base in zip(before, after, both, self.scene.bases(), strict=True):
+                left *= np.where(kept & ((one < value - base) != (other < value - base)), 1 - opacity, 1.0)
         return left
 
     def light(self, points: Array, towards: Array) -> Array:
@@ -164,7 +165,7 @@ def render(
     turn = camera.turn()
     inner = np.s_[:, 1:-1, 1:-1, 1:-1]
     rho, empty = samples.rho[inner], samples.empty[inner]
-    depths, weights = samples.depth[1:-1], samples.weight[1:-1]
+    depths, weights, counts = samples.depth[1:-1], samples.weight[1:-1], samples.counts[1:-1]
     kept = kept_points(scene, camera, size, depths)
     if depth_limit is not None:
         kept &= before_limit(depths, depth_limit, spacing)
@@ -172,7 +173,7 @@ def render(
     depth = np.full((h, w), np.inf)
     found = max(len(depths) - 2, 0)
     if scene.scalar:
-        return Picture(None, _scalar(scene.mode, rho[0], weights, kept, spacing * stretch), coverage, depth, found)
+        return Picture(None, _scalar(scene.mode, rho[0], counts, kept, spacing * stretch), coverage, depth, found)
     rgba = np.zeros((h, w, 4))
     if found:
         around = Around(scene, camera, size, nudge) if scene.shadows or scene.ambient_occlusion is not None else None
@@ -190,10 +191,13 @@ def render(
             return shaded
 
         groups = []
+        bases, weakest = scene.bases(), scene.weakest()
         for number, (_, tf) in enumerate(scene.groups()):
+            base, inside = bases[number], samples.inside[number, 1:-1]
             analytic = scene.gradient == "analytic"
             slopes = samples.slope[number, 1:-1] if analytic else gradients(samples, number, camera, size, spacing)
-            groups.append(Group(tf, rho[number], empty[number], slopes, shader(1e-3 * tf.span() / length)))
+            counted, shaded = tf.counted_from(base), shader(weakest[number])
+            groups.append(Group(counted, base, rho[number], empty[number] | ~inside, inside, slopes, shaded))
         paint = _isosurface if scene.mode == "isosurface" else _composite
         slices = Slices(depths, kept, spacing * stretch / length, samples.cut)
         paint(scene, slices, groups, scene.opacity_stop + nudge.stop, rgba, depth)
@@ -255,25 +259,28 @@ class Slices:
 class Group:
     """Fields whose ρ add up, on those slices."""
 
-    tf: TransferFunction
-    rho: Array  # (S, h, w)
+    tf: TransferFunction  # of ρ - base
+    base: float
+    rho: Array  # (S, h, w) less the base
     empty: Mask  # (S, h, w)
+    inside: Mask  # (S, h, w) the group's domain
     slopes: Array  # (S, h, w, 3) gradients of rho, eye axes
     shaded: Shader
 
 
-def _scalar(mode: str, rho: Array, weights: Array, kept: Mask, lengths: Array) -> Array:
+def _scalar(mode: str, rho: Array, counts: Mask, kept: Mask, lengths: Array) -> Array:
     """Return the picture of a scalar mode (section 7)."""
-    counted = kept & (weights > 0)
-    if len(rho) == 0:
-        return np.zeros(lengths.shape)
+    counted = kept & counts
+    total = np.where(counted, rho, 0.0).sum(0)
     if mode == "xray":
-        return np.asarray((rho * kept).sum(0) * lengths)
+        return np.asarray(total * lengths)
     if mode == "mip":
-        return np.maximum(0.0, np.where(kept, rho, 0.0).max(0))
-    if mode == "minimum":
-        return np.where(counted.any(0), np.where(counted, rho, np.inf).min(0), 0.0)
-    return np.asarray(np.where(counted, rho, 0.0).sum(0) / np.maximum(1, counted.sum(0)))
+        found = np.where(counted, rho, -np.inf).max(0, initial=-np.inf)
+    elif mode == "minimum":
+        found = np.where(counted, rho, np.inf).min(0, initial=np.inf)
+    else:
+        found = total / np.maximum(1, counted.sum(0))
+    return np.where(counted.any(0), found, np.nan)
 
 
 def _put_behind(rgba: Array, depth: Array, at: Mask, colour: Array, alpha: Array, t: Array) -> None:
@@ -327,10 +334,11 @@ def _composite(scene: Scene, slices: Slices, groups: list[Group], stop: float, r
 
 def _isosurface(scene: Scene, slices: Slices, groups: list[Group], stop: float, rgba: Array, depth: Array) -> None:
     """Composite the crossings of the iso values into rgba and depth (section 7)."""
-    surfaces = [(group, value, opacity) for group in groups for value, opacity in scene.surfaces()]
+    surfaces = [(group, value - group.base, opacity) for group in groups for value, opacity in scene.surfaces()]
     spacing = slices.depths[1] - slices.depths[0]
     for s in range(1 if slices.cut else 0, len(slices.depths) - 1):
         crossed = np.array([(g.rho[s] < value) != (g.rho[s + 1] < value) for g, value, _ in surfaces])
+        crossed &= np.array([g.inside[s] & g.inside[s + 1] for g, _, _ in surfaces])
         crossed &= slices.kept[s] & slices.kept[s + 1]
         place = np.full(crossed.shape, np.inf)
         for number, (g, value, _) in enumerate(surfaces):

@@ -39,12 +39,17 @@ class Nudge:
 
 @dataclass
 class Samples:
-    """ρ and what is empty on slices first - 2 ... last + 2, at the pixels and one more on every side; G groups."""
+    """ρ and what is empty on slices first - 2 ... last + 2, at the pixels and one more on every side; G groups.
+
+    ρ is counted from each group's base; in scalar modes it is what is shown, of the fields that have not ended.
+    """
 
     depth: Array  # (S,)
     rho: Array  # (G, S, h + 2, w + 2)
     empty: Array  # (G, S, h + 2, w + 2)
-    weight: Array  # (S, h, w) of all fields
+    inside: Mask  # (G, S, h, w) the domain of the group
+    weight: Array  # (S, h, w) of all fields that have not ended
+    counts: Mask  # (S, h, w) a field that is not empty has W > 0
     slope: Array  # (G, S, h, w, 3) analytic gradient of ρ, eye axes; zeros where the scene takes differences
     cut: bool  # the near plane removes the slices before the first one
 
@@ -68,6 +73,7 @@ class Placed:
     """The fields that have kernels, in eye space, and the depths that anchor and bound the slices."""
 
     fields: list[tuple[int, RegularField | EllipsoidField, Kernels]]  # the first is the group's number
+    bare: list[tuple[int, RegularField | EllipsoidField]]  # without kernels
     centre: float
     begin: float
     end: float
@@ -77,15 +83,17 @@ def place(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) -> 
     """Return the kernels as they are sliced, and the interval of depth that their supports take (section 3)."""
     turn = camera.turn()
     pixel = camera.height_at_one() / size[1]
-    placed = []
+    placed, bare = [], []
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     begin, end = np.inf, -np.inf
     numbered = [(number, f) for number, (fields, _) in enumerate(scene.groups()) for f in fields]
     for number, f in numbered:
         kernels = f.placed(camera.eye, turn)
         if len(kernels.centres) == 0:
+            bare.append((number, f))
             continue
-        low, high = np.minimum(low, kernels.world.min(0)), np.maximum(high, kernels.world.max(0))
+        anchors = f.anchors(camera.eye)
+        low, high = np.minimum(low, anchors.min(0)), np.maximum(high, anchors.max(0))
         if scene.filter == "ewa":
             count = len(kernels.centres)
             at = np.maximum(-kernels.centres[:, 2], camera.near) if camera.is_perspective else np.ones(count)
@@ -94,7 +102,7 @@ def place(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) -> 
         placed.append((number, f, kernels))
         begin = min(begin, float((-kernels.centres[:, 2] - kernels.reach()).min()))
         end = max(end, float((-kernels.centres[:, 2] + kernels.reach()).max()))
-    return Placed(placed, -float(turn[2] @ ((low + high) / 2)) if placed else 0.0, begin, end)
+    return Placed(placed, bare, -float(turn[2] @ ((low + high) / 2)) if placed else 0.0, begin, end)
 
 
 def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) -> Samples:
@@ -106,7 +114,9 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
         np.zeros(0),
         np.zeros((len(groups), 0, h + 2, w + 2)),
         np.zeros((len(groups), 0, h + 2, w + 2), bool),
+        np.zeros((len(groups), 0, h, w), bool),
         np.zeros((0, h, w)),
+        np.zeros((0, h, w), bool),
         np.zeros((len(groups), 0, h, w, 3)),
         False,
     )
@@ -126,6 +136,8 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
     rho = np.zeros((len(groups), count, (h + 2) * (w + 2)))
     weight = np.zeros((count, (h + 2) * (w + 2)))
     empty = np.ones((len(groups), count, (h + 2) * (w + 2)), bool)
+    inside = np.zeros((len(groups), count, (h + 2) * (w + 2)), bool)
+    counts = np.zeros((count, (h + 2) * (w + 2)), bool)
     slope = np.zeros((len(groups), count, (h + 2) * (w + 2), 3))
     analytic = scene.gradient == "analytic"
     x, y = (plane.ravel() for plane in np.meshgrid(*screen(camera, size, border=1)))
@@ -134,10 +146,17 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
     else:
         rays, start = np.tile(np.array([0.0, 0.0, -1.0]), (len(x), 1)), np.stack([x, y, np.zeros(x.shape)], -1)
     extra = spacing / 2 if scene.sampling == "slab" else 0.0
+    for group, f in [one[:2] for one in placed.fields] + placed.bare:
+        for s in range(count):
+            within = scene.inside(f.domain(), start + float(all_depth[s]) * rays, camera)
+            inside[group, s] |= within
+            if scene.scalar:
+                rho[group, s] += np.where(within, f.counted_from(), 0.0)
     for group, f, kernels in placed.fields:
         reach = (kernels.reach() + extra) * (1 + 1e-9)
         for s in range(2, count - 2):
             t = float(all_depth[s])
+            within = scene.inside(f.domain(), start + t * rays, camera)
             near = np.abs(-kernels.centres[:, 2] - t) <= reach
             if not near.any():
                 continue
@@ -149,10 +168,10 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
                 part = slice(p, p + step)
                 delta = some.turned((start[part] + t * rays[part])[:, None, :] - some.centres)
                 if scene.sampling == "slab":
-                    g, inside = slab_mean(delta, some.turned(rays[part]), spacing, f.falloff)
+                    g, met = slab_mean(delta, some.turned(rays[part]), spacing, f.falloff)
                 else:
                     r2 = (delta**2).sum(-1)
-                    g, inside = kernel(r2, f.falloff), r2 < 1
+                    g, met = kernel(r2, f.falloff), r2 < 1
                 if analytic:
                     along = some.turned(rays[part])
                     slopes = kernel_slopes(delta, along, some, f.falloff, spacing if scene.sampling == "slab" else 0.0)
@@ -163,9 +182,12 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
                     g = g * some.weights
                 data[part] = g @ some.values
                 weights[part] = g.sum(-1)
-                reached[part] = inside.any(-1)
-            rho[group, s] += np.where(reached, normalised(f, data, weights), 0.0)
-            weight[s] += weights
+                reached[part] = met.any(-1)
+            own = np.where(reached, normalised(f, data, weights), 0.0)
+            rho[group, s] += np.where(within, own, 0.0) if scene.scalar else own
+            weight[s] += np.where(within, weights, 0.0)
+            reached &= within & (weights >= f.least_weight())
+            counts[s] |= reached & (weights > 0)
             if analytic:
                 slope[group, s] += normalised_slope(f, data, weights, data_slope, weight_slope)
             empty[group, s] &= ~reached
@@ -176,15 +198,21 @@ def sample(scene: Scene, camera: Camera, size: tuple[int, int], nudge: Nudge) ->
         all_depth,
         rho.reshape(shape),
         empty.reshape(shape),
+        inside.reshape(shape)[:, :, 1:-1, 1:-1],
         weight.reshape(shape[1:])[:, 1:-1, 1:-1],
+        counts.reshape(shape[1:])[:, 1:-1, 1:-1],
         slope.reshape((*shape, 3))[:, :, 1:-1, 1:-1],
         cut,
     )
 
 
-def density(scene: Scene, placed: Placed, points: Array, nudge: Nudge) -> tuple[Array, Mask]:
-    """Return ρ of each group by point sampling and what is empty, at points (P, 3) of eye space, both (G, P)."""
+def density(scene: Scene, placed: Placed, camera: Camera, points: Array, nudge: Nudge) -> tuple[Array, Mask, Mask]:
+    """Return ρ of each group by point sampling, what is empty and what is in its domain, at points (P, 3) of eye space.
+
+    All are (G, P); ρ is counted from the group's base.
+    """
     groups = scene.groups()
+    within = np.stack([scene.inside(fields[0].domain(), points, camera) for fields, _ in groups])
     rho, empty = np.zeros((len(groups), len(points))), np.ones((len(groups), len(points)), bool)
     for group, f, kernels in placed.fields:
         # No support reaches out of this box.
@@ -200,9 +228,9 @@ def density(scene: Scene, placed: Placed, points: Array, nudge: Nudge) -> tuple[
                 g = g * kernels.weights
             reached = (r2 < 1).any(-1)
             rho[group, part] += np.where(reached, normalised(f, g @ kernels.values, g.sum(-1)), 0.0)
-            empty[group, part] &= ~reached
+            empty[group, part] &= ~(reached & (g.sum(-1) >= f.least_weight()))
     spans = np.array([tf.span() for _, tf in groups])[:, None]
-    return rho + np.where(empty, 0.0, nudge.rho * spans), empty
+    return rho + np.where(empty, 0.0, nudge.rho * spans), empty | ~within, within
 
 
 def gradients(samples: Samples, group: int, camera: Camera, size: tuple[int, int], spacing: float) -> Array:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .kernels import Array, EllipsoidField, Mask, RegularField
+from .kernels import Array, Box, EllipsoidField, Mask, RegularField
 
 # Section 4: classification
 
@@ -29,6 +29,10 @@ class TransferFunction:
         """Return v_max - v_min."""
         table = self.table()
         return float(table[-1, 0] - table[0, 0])
+
+    def counted_from(self, base: float) -> TransferFunction:
+        """Return the function of ρ - base."""
+        return TransferFunction([(value - base, *looks) for value, *looks in self.table().tolist()])
 
     def __call__(self, rho: Array) -> Array:
         """Return r, g, b, opacity, shape (..., 4)."""
@@ -211,7 +215,7 @@ class Clip:
     """Half spaces (normal, offset) and a box; what is in all of them is kept."""
 
     planes: Sequence[tuple[Sequence[float], float]] = ()
-    box: tuple[Sequence[float], Sequence[float]] | None = None
+    box: tuple[ArrayLike, ArrayLike] | None = None
 
     def keeps(self, points: Array, camera: Camera, spacing: float) -> Mask:
         """Return which of the points (..., 3) of eye space are kept."""
@@ -224,7 +228,7 @@ class Clip:
             n = np.asarray(normal, float) / length
             kept &= offset @ n >= least / length - n @ camera.eye - slack
         if self.box is not None:
-            low, high = np.asarray(self.box, float) - camera.eye
+            low, high = (np.asarray(corner, float) - camera.eye for corner in self.box)
             kept &= ((offset >= low - slack) & (offset <= high + slack)).all(-1)
         return kept
 
@@ -277,14 +281,23 @@ class Scene:
         return self.mode not in ("composite", "isosurface")
 
     def groups(self) -> list[tuple[list[RegularField | EllipsoidField], TransferFunction]]:
-        """Return the fields that add up and their transfer functions; in scalar modes all fields add up."""
+        """Return the fields that add up and their transfer functions; in scalar modes all fields add up.
+
+        Lattices are zero beyond their samples where the fields of a group end in different places.
+        """
 
         def listed(one: Any) -> list[Any]:
             return list(one) if isinstance(one, (list, tuple)) else [one]
 
+        def settled(fields: list[Any]) -> list[Any]:
+            ends = {None if f.domain() is None else tuple(np.concatenate(f.domain()).tolist()) for f in fields}
+            if len(ends) == 1:
+                return fields
+            return [replace(f, boundary="zero", base=0.0) if isinstance(f, RegularField) else f for f in fields]
+
         if isinstance(self.transfer_function, TransferFunction):
-            return [(listed(self.field), self.transfer_function)]
-        parts = [listed(one) for one in self.field]
+            return [(settled(listed(self.field)), self.transfer_function)]
+        parts = [settled(listed(one)) for one in self.field]
         if self.scalar:
             return [([one for part in parts for one in part], self.transfer_function[0])]
         return list(zip(parts, self.transfer_function, strict=True))
@@ -292,6 +305,22 @@ class Scene:
     def fields(self) -> list[RegularField | EllipsoidField]:
         """Return the fields."""
         return [one for fields, _ in self.groups() for one in fields]
+
+    def bases(self) -> list[float]:
+        """Return what the values of each group are counted from."""
+        return [sum(f.counted_from() for f in fields) for fields, _ in self.groups()]
+
+    def weakest(self) -> list[float]:
+        """Return g0 of each group."""
+        return [
+            1e-3 * max(tf.span(), max(f.range() for f in fields) / 4096) / self.length() for fields, tf in self.groups()
+        ]
+
+    def inside(self, domain: Box | None, points: Array, camera: Camera) -> Mask:
+        """Return which of the points (..., 3) of eye space are in a domain."""
+        if domain is None:
+            return np.ones(points.shape[:-1], bool)
+        return Clip(box=domain).keeps(points, camera, self.spacing())
 
     def surfaces(self) -> list[tuple[float, float]]:
         """Return iso values and opacities."""

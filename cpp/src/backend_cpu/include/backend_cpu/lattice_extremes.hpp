@@ -17,37 +17,35 @@
 
 namespace sheetsplat::backend_cpu {
 
-enum class Extreme { largest, smallest };
-
-/// Bounds of rho of a Cartesian lattice, block by block.
+/// Bounds of rho of a Cartesian lattice, block by block. Of mode mip they are those of -rho, so that what is looked for
+/// is the smallest number in both modes.
 class LatticeExtremes {
   public:
-    /// field: ExtremeBlocks must fit. poll: as ThreadPool::run takes it. Throws OutOfMemory.
-    static LatticeExtremes of(const RegularField& field, Extreme extreme, ThreadPool& pool,
+    /// field: ExtremeBlocks must fit. sign: of rho, 1 or -1. poll: as ThreadPool::run takes it. Throws OutOfMemory.
+    static LatticeExtremes of(const RegularField& field, double sign, ThreadPool& pool,
                               const std::function<void()>& poll = {});
 
     /// Blocks along i, j and k (ExtremeBlocks).
     [[nodiscard]] const std::array<int, 3>& blocks() const { return blocks_; }
-    /// Of each block what rho does not exceed, at least 0 (or is not less than), as a share of scale(), rounded away
-    /// from what it bounds. [k][j][i]
+    /// Of each block what rho is not less than, as a share of scale(), rounded down. [k][j][i]
     [[nodiscard]] const float* bounds() const { return bounds_.data(); }
-    /// The farthest of them.
-    [[nodiscard]] float farthest() const { return farthest_; }
-    /// A sum of samples by weights as sheets are summed from; at most 0 where no rho is above 0 (or every rho is 0).
+    /// The least of them.
+    [[nodiscard]] float least() const { return least_; }
+    /// A sum of samples by weights as sheets are summed from, more than 0.
     [[nodiscard]] double scale() const { return scale_; }
     [[nodiscard]] std::size_t bytes() const { return bounds_.capacity() * sizeof(float); }
 
   private:
     std::array<int, 3> blocks_{};
     std::vector<float> bounds_;
-    float farthest_ = 0.0F;
-    double scale_ = 0.0;
+    float least_ = 0.0F;
+    double scale_ = 1.0;
 };
 
 /// A lattice whose extremes are looked up in one view.
 struct ExtremesView {
     const RegularField* field = nullptr;
-    Extreme extreme = Extreme::largest;
+    double sign = 1.0; ///< of rho: -1 where its largest number is looked for
     const LatticeExtremes* bounds = nullptr;
     const LatticeReach* places = nullptr;
     const Frame* frame = nullptr;

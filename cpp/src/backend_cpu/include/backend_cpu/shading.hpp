@@ -25,6 +25,12 @@ struct ShadingLight {
     T specular[3] = {};  ///< colour times specular coefficient
 };
 
+/// A half space that is kept, in eye space: dot(normal, x) + distance >= 0. World units.
+struct KeptHalfSpace {
+    Vec3 normal{0.0};
+    double distance = 0.0; ///< with what a point on the plane is allowed
+};
+
 /// By what a group of fields is classified.
 template <class T>
 struct GroupShading {
@@ -34,12 +40,8 @@ struct GroupShading {
     SurfaceTable<T> surface_table;           ///< of these
     double weakest_gradient = 0.0;           ///< g0
     double full_gradient = 1.0;              ///< g1
-};
-
-/// A half space that is kept, in eye space: dot(normal, x) + distance >= 0. World units.
-struct KeptHalfSpace {
-    Vec3 normal{0.0};
-    double distance = 0.0; ///< with what a point on the plane is allowed
+    T least_weight = 0;                      ///< ShadingInputs::OfGroup
+    std::vector<KeptHalfSpace> kept;         ///< where its fields end, if other groups' do not end there
 };
 
 /// How much of the light from somewhere reaches a point: a number between 0 and 1 in a LightVolume. The places of its

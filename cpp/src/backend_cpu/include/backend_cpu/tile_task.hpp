@@ -42,7 +42,8 @@ struct OwnSheets {
     int value_channel = 0, weight_channel = 0;
     int slope_channel = -1, weight_slope_channel = -1;
     T w0 = 1;
-    T pivot = 0; ///< what the sums of values are counted from, in the sheets' unit
+    T least_weight = 0; ///< less does not count: the field is empty there
+    T pivot = 0;        ///< what the sums of values are counted from, in the sheets' unit
 };
 
 /// The sheets of a group of fields that is classified by itself.
@@ -130,6 +131,7 @@ struct TileScratch {
     LineVector<T> ring;                  ///< [slot][channel][element]
     LineVector<T> zeros, ones, reached;  ///< sheets
     LineVector<T> sums;                  ///< a plane (RowSums)
+    LineVector<T> first_kept, last_kept; ///< planes (KeptOfPixels)
     LineVector<T> picture;               ///< planes
     std::vector<int> row_alive;
     std::vector<std::uint64_t> alive_rows; ///< a bit for each pixel of a row of the sheets that is still read
@@ -146,7 +148,8 @@ struct TileScratch {
     [[nodiscard]] std::size_t bytes() const {
         std::size_t sum =
             carried.capacity() * sizeof(Section<T>) + (ring.capacity() + zeros.capacity() + ones.capacity() +
-                                                       reached.capacity() + sums.capacity() + picture.capacity()) *
+                                                       reached.capacity() + sums.capacity() +
+                                                       first_kept.capacity() + last_kept.capacity() + picture.capacity()) *
                                                           sizeof(T);
         for (const auto& part : kernels) {
             sum += part.bytes();

@@ -47,9 +47,9 @@ struct ExtremeFacts {
     /// Of the samples of the blocks that they cross, the share that is not 0: those that sheets are summed from.
     double drawn = 0.0;
 };
-/// field: must fit; peak: largest W / C; smallest: of mode minimum, else mip; kept: half spaces outside of which
+/// field: must fit; peak: largest W / C; sign: of rho, whose smallest number is looked for; kept: half spaces outside of which
 /// nothing shows.
-ExtremeFacts extreme_facts(const RegularField& field, double peak, bool smallest, const std::vector<Clip::Plane>& kept,
+ExtremeFacts extreme_facts(const RegularField& field, double peak, double sign, const std::vector<Clip::Plane>& kept,
                            const Camera& camera, const Frame& frame);
 
 } // namespace sheetsplat

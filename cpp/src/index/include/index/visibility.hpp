@@ -14,6 +14,9 @@ struct VisibilityQuery {
     /// The weight sum is needed where something is visible: kernels of value 0 are drawn too. Normalisation threshold
     /// implies it. A coverage output needs the weights everywhere: cull = false.
     bool weights_matter = false;
+    /// What kernels add to the weight sum says which points are not empty, and that decides what is seen there: kernels
+    /// that add nothing to sums (of value 0, of weight 0) are drawn where something beside them is visible.
+    bool reach_matters = false;
     bool cull = true; ///< false: every kernel is drawn
     /// Isosurface: visible is where two points of a pixel's ray lie on different sides of one of iso_values; then the
     /// transfer function is not used.

@@ -26,6 +26,7 @@ enum class Control : std::uint8_t {
     X(own_transfer_functions,  is,  is,  is, "the scene's transfer functions", "groups of fields are classified by transfer functions of their own") \
     X(separate_normalization,  is,  is,  is, "the fields' normalization", "fields are divided by their own weight sums before they are added") \
     X(scattered_kernels,       is,  is,  is, "the scene's fields", "kernels are ellipsoids that are sliced one by one") \
+    X(boundary,                is,  is,  is, "the fields' boundary and what shows there", "samples are mirrored where lattices end, and what lies beyond is cut off") \
     X(empty_test,              can, can, is, nullptr, "points that no kernel reaches are distinguished from points where the sum is 0") \
     X(empty_intervals,         is,  is,  no, "the scene's clip, the depth limit and preintegration", "intervals that no kernel reaches are distinguished from intervals whose ends are 0") \
     X(weight,                  can, can, is, nullptr, "sums of weights are kept beside sums of values") \

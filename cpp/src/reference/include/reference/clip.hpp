@@ -9,10 +9,11 @@
 
 namespace sheetsplat::reference {
 
-/// A scene's clipping planes and box in eye space.
+/// Clipping planes and a box in eye space: a scene's, or those where a field ends.
 class Clipping {
   public:
-    Clipping(const Scene& scene, const Camera& camera);
+    Clipping(const Scene& scene, const Camera& camera) : Clipping(scene.clip, camera, scene.slice_distance()) {}
+    Clipping(const Clip& clip, const Camera& camera, double slice_distance);
 
     /// True where all of them keep the point. A point closer to a plane than a millionth of a slice distance is on it,
     /// and kept.

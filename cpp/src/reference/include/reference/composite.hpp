@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "reference/clip.hpp"
+#include "reference/counted.hpp"
 #include "reference/reference.hpp"
 #include "reference/screen.hpp"
 #include "reference/shade.hpp"
@@ -36,9 +37,9 @@ bool calls_for_gradients(const Scene& scene);
 class Compositor {
   public:
     /// What is referred to must live as long as this.
-    Compositor(const Scene& scene, const Screen& screen, const Slices& slices, const Shader& shader,
-               const Clipping& clipping, const Cell& cell, const Surroundings* surroundings, const Request& request,
-               const Nudge& nudge);
+    Compositor(const CountedScene& counted, const Camera& camera, const Screen& screen, const Slices& slices,
+               const Shader& shader, const Clipping& clipping, const Cell& cell, const Surroundings* surroundings,
+               const Request& request, const Nudge& nudge);
 
     /// Adds slice n, or the interval from slice n to n + 1 in isosurface mode and with preintegration. Wanted for every
     /// n in turn, from the one before the first slice to the last.
@@ -83,6 +84,8 @@ class Compositor {
     [[nodiscard]] std::vector<Crossing> find_crossings(const SheetWindow& window, const Pixel& pixel) const;
     /// True where clipping and the depth limit keep the point of slice n + ahead.
     [[nodiscard]] bool kept(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const;
+    /// True where a group has not ended at the point of slice n + ahead.
+    [[nodiscard]] bool inside(const View& view, std::size_t ahead) const;
     /// True where slice n, and what lies between it and the next one, belongs to the part that is drawn.
     [[nodiscard]] bool owned(const SheetWindow& window, const Pixel& pixel) const;
     /// True where the interval behind slice n shows a group: an end is neither empty nor cut off.
@@ -100,6 +103,7 @@ class Compositor {
     [[nodiscard]] bool stopped(const Pixel& pixel) const;
     void put_behind(const Pixel& pixel, const Vec3& color, double alpha, double depth);
 
+    const CountedScene& counted_;
     const Scene& scene_;
     const Screen& screen_;
     const Slices& slices_;
@@ -109,11 +113,12 @@ class Compositor {
     const Surroundings* surroundings_; ///< null without shadows and ambient occlusion
     bool needs_gradient_;
     std::vector<Group> groups_;
+    std::vector<Clipping> ends_; ///< of the groups
     double nudge_;
     std::vector<double> rho_shifts_; ///< what the nudge comes to in each group
     double stop_;
     double reference_distance_;  ///< world units
-    std::vector<double> counts_; ///< slices that count, a pixel; modes average and minimum
+    std::vector<double> counts_; ///< slices that count, a pixel; modes of counts_weighted_slices()
     Picture picture_;
 };
 

@@ -2,6 +2,7 @@
 // Source: conventions, sections 1, 2 and 10; [NM06] section 3.2 for the factored form M = R S.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <optional>
@@ -122,22 +123,39 @@ struct WorldKernel {
     double weight = 1.0;
 };
 
-/// The kernels of any field by number: that of sample (k * nj + j) * ni + i, or of the ellipsoid.
+/// The kernels of any field by number: those of a lattice's samples and of the mirrored ones around them, i fastest and
+/// k slowest; those of ellipsoids in their order.
 class WorldKernels {
   public:
     explicit WorldKernels(const Field& field);
 
-    /// Numbers are 0 ... numbers() - 1; a skipped sample has a number, but no kernel.
+    /// Numbers are 0 ... numbers() - 1; a skipped sample has a number, but no kernel, and so have its images and
+    /// mirrored samples whose supports do not reach into the domain.
     [[nodiscard]] std::uint64_t numbers() const { return numbers_; }
     [[nodiscard]] std::optional<WorldKernel> at(std::uint64_t number) const;
     /// C of normalisation lattice.
     [[nodiscard]] double lattice_constant() const;
 
   private:
+    /// Of a lattice along i, j or k. Places along it are counted in layers from the first one: of BCC, layers are half
+    /// an edge apart, and each index has an even and an odd one.
+    struct Axis {
+        std::int64_t first = 0, count = 1;      ///< indices, of mirrored samples too
+        std::int64_t last_layer = 0;            ///< of those that were given
+        std::array<double, 2> domain{0.0, 0.0}; ///< from where to where the field is, in layers
+        [[nodiscard]] double outside(double layer) const;
+    };
+    /// The layers along an axis whose samples may reach into the domain, if there is one.
+    [[nodiscard]] Axis axis_of(int axis) const;
+    [[nodiscard]] std::optional<WorldKernel> sample(std::uint64_t number) const;
+
     const RegularField* regular_;
     const EllipsoidField* ellipsoids_;
     std::uint64_t numbers_ = 0;
     Vec3 semi_axes_{1.0}; ///< of a regular field's
+    bool bcc_ = false;
+    std::array<Axis, 3> axes_;   ///< i, j, k
+    double reach_squared_ = 0.0; ///< of a support, in layers
 };
 
 /// One kernel as a camera sees it, after the filter.

@@ -27,7 +27,7 @@ class PointSums {
     PointSums(const Field& field, const Scene& scene, const Camera& camera, const Screen& screen, double radius_factor);
 
     struct Value {
-        double rho = 0.0;
+        double rho = 0.0; ///< counted from the base
         bool empty = true;
     };
     [[nodiscard]] Value at(const Vec3& point_eye) const;
@@ -35,6 +35,7 @@ class PointSums {
     [[nodiscard]] Sums sums_at(const Vec3& point_eye) const;
     /// Their means over the line between two points.
     [[nodiscard]] Sums mean_sums(const Vec3& from_eye, const Vec3& to_eye) const;
+    /// Counted from the base.
     [[nodiscard]] double rho(const Sums& sums) const { return normaliser_.rho(sums.d, sums.w); }
     /// Box around all supports, eye space; empty() where there is no kernel.
     [[nodiscard]] const Box& supports_eye() const { return box_; }

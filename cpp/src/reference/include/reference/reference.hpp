@@ -18,10 +18,10 @@ namespace sheetsplat::reference {
 struct Picture {
     Size size{};
     std::vector<double> rgba;     ///< h * w * 4, premultiplied; empty in scalar modes
-    std::vector<double> scalar;   ///< h * w in scalar modes
+    std::vector<double> scalar;   ///< h * w in scalar modes; NaN where no slice counts (mode xray: 0)
     std::vector<double> coverage; ///< h * w when asked for
     std::vector<double> depth;    ///< h * w when asked for
-    std::vector<double> counts;   ///< h * w in modes minimum and average: slices that count
+    std::vector<double> counts;   ///< h * w in modes mip, minimum and average: slices that count
     std::int64_t first_slice = 0;
     std::int64_t slices = 0;
     std::size_t kernels_drawn =
@@ -45,7 +45,8 @@ struct Request {
 
 /// Fields of any kind, filter included. Throws InvalidInput (scene.validate(), size below 1 x 1, more than 10^7 slices,
 /// sums beyond float64), OutOfMemory, Cancelled.
-/// The only shortcut: kernels of value or weight 0 are left out where they cannot matter (see ZeroKernels in sums.hpp).
+/// The only shortcut: kernels whose value is the base, or of weight 0, are left out where they cannot matter (see
+/// ZeroKernels in sums.hpp).
 Picture render(const Scene& scene, const Camera& camera, Size size, const Request& request = {});
 
 /// One flag a pixel: 1 where the picture changes by more than 1e-3 under any of the nudges of section 9 (both signs);
@@ -53,12 +54,12 @@ Picture render(const Scene& scene, const Camera& camera, Size size, const Reques
 std::vector<unsigned char> ambiguous_pixels(const Scene& scene, const Camera& camera, Size size,
                                             const Request& request = {});
 
-/// A field's sums at a point: D, W and whether no kernel reaches it.
+/// A field's sums at a point: D, counted from the base, W and whether no kernel reaches it.
 struct Sums {
     double d = 0.0, w = 0.0;
     bool empty = true;
 };
-/// Of all kernels one by one, for tests. No filter.
+/// Of all kernels one by one, mirrored ones included, for tests. No filter.
 Sums sums_at(const Field& field, const Vec3& point_world);
 
 } // namespace sheetsplat::reference

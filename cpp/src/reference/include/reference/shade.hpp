@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "reference/counted.hpp"
 #include "reference/screen.hpp"
 #include "reference/sums.hpp"
 #include "reference/surroundings.hpp"
@@ -30,7 +31,7 @@ struct Lighting {
 /// double's range in any unit of length.
 class Shader {
   public:
-    Shader(const Scene& scene, const Camera& camera);
+    Shader(const CountedScene& counted, const Camera& camera);
 
     /// True where the scene has lights; without them a colour is shown as it is.
     [[nodiscard]] bool lit() const { return !lights_.empty(); }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "reference/clip.hpp"
+#include "reference/counted.hpp"
 #include "reference/points.hpp"
 #include "reference/screen.hpp"
 #include "sheetsplat/camera.hpp"
@@ -18,7 +19,7 @@ namespace sheetsplat::reference {
 class Surroundings {
   public:
     /// What is referred to must live as long as this. Throws OutOfMemory.
-    Surroundings(const Scene& scene, const Camera& camera, const Screen& screen, const Clipping& clipping,
+    Surroundings(const CountedScene& counted, const Camera& camera, const Screen& screen, const Clipping& clipping,
                  double radius_factor);
 
     /// Share of a light in this direction (unit vector) that reaches the point. `nudge`: that of rho, section 9.
@@ -28,8 +29,9 @@ class Surroundings {
 
   private:
     struct GroupValue {
-        double rho = 0.0; ///< nudged
+        double rho = 0.0; ///< counted from the group's base, nudged
         bool empty = true;
+        bool ended = false; ///< the point is outside of the group's domain
     };
     struct Place {
         std::vector<GroupValue> groups;
@@ -45,10 +47,12 @@ class Surroundings {
     /// Slice distances from the point to where the line has left all supports; below 1 where none is ahead.
     [[nodiscard]] double steps_to_end(const Vec3& point_eye, const Vec3& direction) const;
 
+    const CountedScene& counted_;
     const Scene& scene_;
     const Clipping& clipping_;
     std::vector<PointSums> fields_; ///< those of the scene
     std::vector<Group> groups_;
+    std::vector<Clipping> ends_; ///< of the groups
     Box supports_eye_;
     double spacing_;
     double lengths_;                ///< reference lengths in a slice distance

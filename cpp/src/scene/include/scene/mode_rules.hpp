@@ -31,8 +31,10 @@ constexpr const char* name_of(Mode mode) {
 /// light.
 constexpr bool is_scalar(Mode mode) { return mode != Mode::composite && mode != Mode::isosurface; }
 
-/// Only slices where the weights of all fields add up to more than 0 count.
-constexpr bool counts_weighted_slices(Mode mode) { return mode == Mode::minimum || mode == Mode::average; }
+/// Only slices where the weights of all fields add up to more than 0 count; without one a pixel is no number.
+constexpr bool counts_weighted_slices(Mode mode) {
+    return mode == Mode::mip || mode == Mode::minimum || mode == Mode::average;
+}
 
 /// Slices are classified and composited by their opacities: what gradient_opacity, preintegration and the opacity
 /// correction act on.
@@ -53,6 +55,12 @@ std::size_t group_drawn_of(const Scene& scene, std::size_t field);
 /// section 5), and there none is.
 bool has_window_of_one_value(const Group& group);
 bool has_window_of_one_value(const Scene& scene);
+
+/// The scene's iso values as a group's fields are summed: counted from its base where the scene is.
+std::vector<IsoValue> iso_values_of(const Scene& scene, std::size_t group);
+
+/// g0 of a group times the reference length (conventions, section 5): gradients below it are lit as weaker ones.
+double weakest_difference(const Scene& scene, const Group& group);
 
 /// What a scalar mode shows of a sheet's 1. value_unit: the amount of rho that sheets call 1; slice_spacing: world
 /// units, by which an x-ray integrates.

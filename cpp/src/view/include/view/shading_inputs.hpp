@@ -41,6 +41,8 @@ struct ShadingInputs {
         std::vector<Surface> surfaces;
         double weakest_gradient = 0.0; ///< g0
         double full_gradient = 1.0;    ///< g1
+        /// Of a group of one field: points with a smaller W are empty. 0: those that no kernel reaches.
+        double least_weight = 0.0;
     };
     std::vector<OfGroup> groups;
 

@@ -117,6 +117,7 @@ std::size_t VertexMaker::make(const std::uint32_t* samples, std::size_t count, s
     const auto& shape = view_->field->shape();
     const auto ni = static_cast<std::uint32_t>(shape[2]);
     const auto nj = static_cast<std::uint32_t>(shape[1]);
+    const double base = view_->field->counted_from();
     const double first_depth = frame_->depth_of(first_slab);
     const double last_depth =
         frame_->depth_of(std::min<std::int64_t>(first_slab + layout_.covered, frame_->slices) - 1);
@@ -125,9 +126,9 @@ std::size_t VertexMaker::make(const std::uint32_t* samples, std::size_t count, s
             std::size_t written = 0;
             for (std::size_t entry = 0; entry < count; ++entry) {
                 const std::uint32_t sample = samples[entry];
-                const std::uint32_t row = sample / ni;
-                const Vec3 eye = view_->eye_position(sample - row * ni, row % nj, row / nj);
-                const Placed placed = place(eye, static_cast<double>(data[sample]), first_depth, last_depth);
+                const std::uint32_t row = sample / ni, i = sample - row * ni, j = row % nj, k = row / nj;
+                const double value = static_cast<double>(data[view_->field->row(j, k) + i]) - base;
+                const Placed placed = place(view_->eye_position(i, j, k), value, first_depth, last_depth);
                 if (!placed.box.empty() && touch(placed.box, sample)) {
                     out[written] = placed.vertex;
                     if (boxes != nullptr) {

@@ -1,0 +1,305 @@
+#include "counted_scene.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include <glm/geometric.hpp>
+
+#include "facts/field_survey.hpp"
+#include "index/visible_runs.hpp"
+#include "scene/mode_rules.hpp"
+#include "sheetsplat/error.hpp"
+
+namespace sheetsplat {
+
+namespace {
+
+/// The farthest that stencils reach, in slice distances along a ray: of slabs, second order and crossings, and of lines
+/// towards lights.
+constexpr double stencil_in_slices = 5.0;
+/// How much a filter may raise sums over a lattice, in perspective.
+constexpr double filter_gain = 4.0;
+/// The farthest that a point can be from the samples around it, in sample distances: of Cartesian lattices, and of BCC
+/// lattices, whose distances count in a / sqrt 2.
+constexpr double farthest_cartesian = 0.8660254037844387, farthest_bcc = 0.7905694150420949;
+
+std::optional<Box> end_of(const Field& field) {
+    const RegularField* lattice = as_regular(&field);
+    return lattice != nullptr ? lattice->domain_world() : std::nullopt;
+}
+
+bool same(const std::optional<Box>& a, const std::optional<Box>& b) {
+    return a.has_value() == b.has_value() && (!a || (a->lower == b->lower && a->upper == b->upper));
+}
+
+/// Whether kernels reach every point of a lattice's domain, once samples are mirrored.
+bool fills(const Field& field) {
+    const RegularField* lattice = as_regular(&field);
+    const double farthest =
+        lattice != nullptr && lattice->lattice() == Lattice::bcc ? farthest_bcc : farthest_cartesian;
+    return lattice != nullptr && !lattice->has_holes() && lattice->options().radius > farthest;
+}
+
+TransferFunction counted_from(const TransferFunction& function, double base) {
+    std::vector<TransferPoint> points = function.points();
+    for (TransferPoint& point : points) {
+        point.value -= base;
+    }
+    return TransferFunction(std::move(points));
+}
+
+/// The largest distance, in world units, that a point which shows may lie from kernels that matter to it.
+double reach_of(const Scene& scene, const Field& field, const Camera& camera, Size size) {
+    const Box box = field.supports_world();
+    double deepest = 0.0;
+    for (int corner = 0; corner < 8; ++corner) {
+        const Vec3 point((corner & 1) != 0 ? box.upper.x : box.lower.x, (corner & 2) != 0 ? box.upper.y : box.lower.y,
+                         (corner & 4) != 0 ? box.upper.z : box.lower.z);
+        deepest = std::max(deepest, -camera.to_eye(point).z);
+    }
+    const bool perspective = camera.projection() == Projection::perspective;
+    const double pixel = 2.0 * camera.half_height() / size.height;
+    const double width = pixel * (perspective ? deepest : 1.0);
+    // The ray that runs sideways most: with the camera's shift.
+    const double slope_x = (0.5 * size.width + std::abs(camera.shift().x) * size.height) * pixel;
+    const double slope_y = (0.5 + std::abs(camera.shift().y)) * size.height * pixel;
+    const double slant = perspective ? std::hypot(1.0, std::hypot(slope_x, slope_y)) : 1.0;
+    const double spacing = scene.slice_distance();
+    const double stencil = stencil_in_slices * spacing * slant + width;
+    return stencil + (scene.filter == Filter::ewa ? field.kernel().deviations() * std::max(width, spacing) : 0.0);
+}
+
+} // namespace
+
+CountedFields::Entry& CountedFields::entry_of(const std::shared_ptr<const Field>& field) {
+    for (const auto& entry : entries_) {
+        if (entry->field.lock() == field) {
+            return *entry;
+        }
+    }
+    entries_.push_back(std::make_unique<Entry>());
+    entries_.back()->field = field;
+    return *entries_.back();
+}
+
+std::string CountedFields::why_shown(const Scene& scene, const Camera& camera, Size size, const Outputs& outputs) {
+    if (outputs.coverage) {
+        return "coverage counts all that kernels reach inside the volume";
+    }
+    std::size_t number = 0;
+    for (const Group& group : scene.groups()) {
+        const std::size_t own = number++;
+        if (!end_of(*scene.fields[group.first])) {
+            continue;
+        }
+        if (group.last - group.first > 1) {
+            return "several fields add up at the volumes' boundary";
+        }
+        const std::shared_ptr<const Field>& field = scene.fields[group.first];
+        const RegularField& lattice = *as_regular(field.get());
+        const bool bcc = lattice.lattice() == Lattice::bcc;
+        const Vec3 spacing = bcc ? Vec3(0.5 * lattice.options().spacing.x) : lattice.options().spacing;
+        const double nearest = std::min({spacing.x, spacing.y, spacing.z});
+        // What mirrored kernels add to reaches a radius into the volume; kernels that reach there, one more.
+        const double layers =
+            2.0 * glm::length(lattice.semi_axes_world() / spacing) + reach_of(scene, lattice, camera, size) / nearest;
+        const auto most = static_cast<double>(std::max({lattice.shape()[0], lattice.shape()[1], lattice.shape()[2]}));
+        // Rounded up, so that a camera that moves needs no new look at the samples.
+        const double wanted = std::min(std::exp2(std::ceil(std::log2(std::max(layers, 1.0)))), most);
+        const auto samples = static_cast<std::size_t>(wanted);
+        Entry& entry = entry_of(field);
+        if (entry.looked_at != samples) {
+            entry.range = lattice.range_near_ends(samples);
+            entry.looked_at = samples;
+        }
+        const auto [low, high] = entry.range;
+        if (is_scalar(scene.mode)) {
+            if (scene.mode == Mode::xray && lattice.base() == 0.0 && low == 0.0 && high == 0.0) {
+                continue;
+            }
+            return "the mode counts or sums what lies inside the volume";
+        }
+        VisibilityQuery query;
+        query.transfer_function = group.transfer_function;
+        query.isosurface = scene.mode == Mode::isosurface;
+        query.cubic = scene.second_order;
+        for (const IsoValue& iso : iso_values_of(scene, own)) {
+            query.iso_values.push_back(iso.value);
+        }
+        const VisibleFrom from = visible_from(query);
+        const double weight = largest_weight(lattice, scene.filter == Filter::ewa ? filter_gain : 0.0);
+        const bool at_base = !query.isosurface && !group.transfer_function->transparent_over(0.0, 0.0);
+        if (at_base || high * weight >= from.above || -low * weight >= from.below) {
+            return "something shows at the volume's boundary";
+        }
+    }
+    return {};
+}
+
+Scene CountedFields::counted(const Scene& scene, const Camera& camera, Size size, const Outputs& outputs) {
+    Scene drawn = scene;
+    drawn.counted.emplace();
+    Counted& counted = *drawn.counted;
+    counted.clip = scene.clip;
+    const std::vector<Group> groups = scene.groups();
+    std::vector<std::optional<Box>> ends;
+    for (const Group& group : groups) {
+        std::optional<Box> end = end_of(*scene.fields[group.first]);
+        bool differ = false;
+        for (std::size_t field = group.first; field < group.last; ++field) {
+            differ = differ || !same(end, end_of(*scene.fields[field]));
+        }
+        double base = 0.0;
+        for (std::size_t field = group.first; field < group.last; ++field) {
+            std::shared_ptr<const Field>& own = drawn.fields[field];
+            const RegularField* lattice = as_regular(own.get());
+            if (differ && lattice != nullptr && (lattice->domain_world() || lattice->base() != 0.0)) {
+                Entry& entry = entry_of(own);
+                entry.endless = entry.endless ? entry.endless : lattice->without_end();
+                own = entry.endless;
+            }
+            base += own->base();
+        }
+        counted.bases.push_back(base);
+        ends.push_back(differ ? std::nullopt : end);
+    }
+    if (counted.bases.front() != 0.0) {
+        drawn.transfer_function = counted_from(scene.transfer_function, counted.bases.front());
+    }
+    for (std::size_t group = 0; group < drawn.later_groups.size(); ++group) {
+        const double base = counted.bases[group + 1];
+        if (base != 0.0) {
+            TransferFunction& function = drawn.later_groups[group].transfer_function;
+            function = counted_from(function, base);
+        }
+    }
+    bool any = false, differ = false;
+    for (const std::optional<Box>& end : ends) {
+        any = any || end;
+        differ = differ || !same(end, ends.front());
+    }
+    if (scene.part) {
+        counted.mirrored = scene.part->domain.has_value();
+        counted.filled = scene.part->filled;
+        if (scene.part->domain) {
+            for (const Clip::Plane& plane : Clip{{}, scene.part->domain}.half_spaces()) {
+                drawn.clip.planes.push_back(plane);
+            }
+        }
+    } else if (any) {
+        counted.reason = why_shown(drawn, camera, size, outputs);
+        counted.mirrored = !counted.reason.empty();
+    }
+    if (counted.mirrored && any) {
+        counted.filled = !differ;
+        for (std::size_t group = 0; group < groups.size(); ++group) {
+            bool filled = false;
+            for (std::size_t field = groups[group].first; field < groups[group].last && ends[group]; ++field) {
+                std::shared_ptr<const Field>& own = drawn.fields[field];
+                filled = filled || fills(*own);
+                Entry& entry = entry_of(own);
+                entry.mirrored = entry.mirrored ? entry.mirrored : as_regular(own.get())->with_mirrored();
+                own = entry.mirrored;
+            }
+            counted.filled = counted.filled && filled;
+        }
+        if (differ) {
+            counted.ends = std::move(ends);
+        } else {
+            for (const Clip::Plane& plane : Clip{{}, ends.front()}.half_spaces()) {
+                drawn.clip.planes.push_back(plane);
+            }
+        }
+    }
+    double base = 0.0;
+    for (const double own : counted.bases) {
+        base += own;
+    }
+    if (scene.mode == Mode::xray && base != 0.0) {
+        drawn.mode = Mode::average;
+        counted.counts = true;
+    }
+    return drawn;
+}
+
+void require_one_end(const Scene& drawn) {
+    const Counted& counted = *drawn.counted;
+    const bool scalar = is_scalar(drawn.mode), lines = drawn.mode == Mode::isosurface && (drawn.shadows || drawn.ambient_occlusion);
+    const bool one_base = std::all_of(counted.bases.begin(), counted.bases.end(),
+                                      [&](double base) { return base == counted.bases.front(); });
+    if (lines && !one_base) {
+        throw Unsupported(
+            Complaint{"lines to lights cannot be followed between surfaces",
+                      "groups of fields whose values are counted from different bases", "one base of all groups",
+                      "give the fields one " + option_ref("base") + ", leave out " + option_ref("shadows") + " and " +
+                          option_ref("ambient_occlusion") + ", or use " + option_ref("backend", "reference")});
+    }
+    if (!counted.ends.empty() && (scalar || lines)) {
+        throw Unsupported(Complaint{
+            "volumes that end in different places cannot be drawn together in this way",
+            scalar ? "sums of scalars" : option_ref("shadows") + " or " + option_ref("ambient_occlusion") + " of isosurfaces",
+            "volumes with one boundary",
+            "pass " + option_ref("boundary", "zero") + ", or use " + option_ref("backend", "reference")});
+    }
+}
+
+std::shared_ptr<const Field> CountedFields::source_of(const std::shared_ptr<const Field>& drawn) const {
+    for (const auto& entry : entries_) {
+        if (drawn != nullptr && (entry->mirrored == drawn || entry->endless == drawn)) {
+            return entry->field.lock();
+        }
+    }
+    return drawn;
+}
+
+std::vector<std::shared_ptr<const Field>> CountedFields::keep(const std::vector<std::shared_ptr<const Field>>& fields) {
+    keep_fields(entries_, fields, [](const Entry&, const Field&) { return false; });
+    std::vector<std::shared_ptr<const Field>> all = fields;
+    for (const auto& entry : entries_) {
+        for (const std::shared_ptr<const RegularField>& form : {entry->mirrored, entry->endless}) {
+            if (form != nullptr) {
+                all.push_back(form);
+            }
+        }
+    }
+    return all;
+}
+
+void add_bases(const Scene& drawn, const Scene& asked, const Camera& camera, Image& image) {
+    double base = 0.0;
+    for (const double own : drawn.counted->bases) {
+        base += own;
+    }
+    if (base == 0.0 || !is_scalar(asked.mode)) {
+        return;
+    }
+    const Size size = image.size;
+    const double pixel = 2.0 * camera.half_height() / size.height;
+    const bool perspective = camera.projection() == Projection::perspective;
+    const double axis_x = 0.5 * size.width - camera.shift().x * size.height;
+    const double axis_y = 0.5 * size.height + camera.shift().y * size.height;
+    for (int row = 0; row < size.height; ++row) {
+        for (int column = 0; column < size.width; ++column) {
+            const std::size_t at =
+                static_cast<std::size_t>(row) * static_cast<std::size_t>(size.width) + static_cast<std::size_t>(column);
+            double value = static_cast<double>(image.scalar[at]) + base;
+            if (drawn.counted->counts) {
+                const double slant =
+                    perspective
+                        ? std::hypot(1.0, std::hypot((column + 0.5 - axis_x) * pixel, (axis_y - row - 0.5) * pixel))
+                        : 1.0;
+                const auto count = static_cast<double>(image.counts[at]);
+                value = count > 0.0 ? value * count * drawn.slice_distance() * slant : 0.0;
+            }
+            image.scalar[at] = static_cast<float>(value);
+        }
+    }
+    if (drawn.counted->counts) {
+        image.counts.clear();
+    }
+}
+
+} // namespace sheetsplat

@@ -1,0 +1,147 @@
+"""Sums along rays keep the mass of what they show: scattered kernels and volumes, at any size, and in bricks."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+import sheetsplat as ss
+from sheetsplat.fit._kernels import unit_mass
+from sheetsplat.quality.lost import CAUSE
+
+SIZES = (16, 20, 80, 400)
+
+
+def clump(rng, falloff=4.133):
+    """Return particles of one mass whose distances and sizes go over two decades, with their mass."""
+    count = 2000
+    away = rng.normal(size=(count, 3))
+    radii = 10 ** rng.uniform(-1.5, 0.5, count)
+    centers = away / np.linalg.norm(away, axis=1)[:, None] * radii[:, None]
+    sizes = 0.3 * radii
+    values = 1.0 / (unit_mass(falloff) * sizes**3)
+    return ss.EllipsoidField(centers, sizes, values=values, normalization="none", falloff=falloff), float(count)
+
+
+def particles(rng):
+    """Return particles by `fit.sph`, as sums, with their mass."""
+    count = 1500
+    centers, lengths = rng.normal(size=(count, 3)), 10 ** rng.uniform(-2, -0.5, count)
+    fitted = ss.fit.sph(centers, np.ones(count), lengths, masses=np.ones(count), densities=np.ones(count))
+    weights = np.asarray(fitted.weights)
+    field = ss.EllipsoidField(
+        centers, fitted.scales, values=weights, normalization="none", falloff=fitted.falloff, base=0.0
+    )
+    return field, float(count)
+
+
+def ellipsoids(rng):
+    count, falloff = 600, 8.0
+    scales, masses = 10 ** rng.uniform(-2.5, -0.5, (count, 3)), rng.uniform(0.5, 1.5, count)
+    turns = rng.normal(size=(count, 4))
+    turns /= np.linalg.norm(turns, axis=1)[:, None]
+    values = masses / (unit_mass(falloff) * scales.prod(axis=1))
+    field = ss.EllipsoidField(rng.uniform(-2, 2, (count, 3)), scales, turns, values, normalization="none")
+    return field, float(masses.sum())
+
+
+SCENES = {"clump": clump, "particles": particles, "ellipsoids": ellipsoids}
+
+
+def ahead(height):
+    return ss.Camera.orthographic((0.3, -0.2, 50), (0.3, -0.2, 0), height=height)
+
+
+def shown(image):
+    """Return the mass in a picture."""
+    return float(image.scalar.sum(dtype=np.float64)) * (image.camera.height / image.size[1]) ** 2
+
+
+@pytest.mark.parametrize("in_bricks", [False, True])
+@pytest.mark.parametrize("name", SCENES)
+def test_kernels_keep_their_mass(name, in_bricks):
+    field, mass = SCENES[name](np.random.default_rng(4))
+    data = ss.open_bricks(field, brick_kernels=300) if in_bricks else field
+    for size in SIZES:
+        image = ss.render(data, mode="xray", size=size, camera=ahead(12), backend="cpu")
+        assert shown(image) == pytest.approx(mass, rel=0.01)
+        assert image.plan.quality.of("filter").value == "ewa"
+
+
+@pytest.mark.parametrize("in_bricks", [False, True])
+def test_without_the_filter_it_is_lost_and_told(in_bricks):
+    """The control of the test above."""
+    field, mass = clump(np.random.default_rng(4))
+    data = ss.open_bricks(field, brick_kernels=300) if in_bricks else field
+    for options in ({"filter": "off"}, {"quality": "draft"}):
+        for size in (16, 20, 80):
+            with pytest.warns(ss.PictureWarning, match="% of the mass of its kernels"):
+                image = ss.render(data, mode="xray", size=size, camera=ahead(12), backend="cpu", **options)
+            lost = 1 - shown(image) / mass
+            assert abs(lost) > 0.01
+            error = image.error
+            assert error.budget[CAUSE] >= 0.5 * abs(lost)
+            assert error.rmse == pytest.approx(np.hypot.reduce(list(error.budget.values())), rel=1e-6)
+            assert error.rmse == pytest.approx(np.sqrt(np.mean(error.map.astype(float) ** 2)), rel=1e-4)
+
+
+def test_what_keeps_its_mass_is_not_told_of():
+    field, _ = clump(np.random.default_rng(4))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        image = ss.render(field, mode="xray", size=20, camera=ahead(12), backend="cpu")
+        assert CAUSE not in image.error.budget
+        # Kernels of many pixels and slices need no filter.
+        wide = ss.EllipsoidField(np.zeros((200, 3)), np.full(200, 2.0), values=np.ones(200), normalization="none")
+        image = ss.render(wide, mode="xray", size=80, camera=ahead(8), slice_spacing=0.2, backend="cpu", filter="off")
+        assert CAUSE not in image.error.budget
+        image = ss.render(wide, mode="xray", size=80, camera=ahead(8), slice_spacing=0.2, backend="cpu")
+        assert image.plan.quality.of("filter").value == "off"
+
+
+@pytest.mark.parametrize("kind", ["whole", "bricks"])
+def test_averages_take_the_filter_as_sums_do(kind):
+    field, _ = clump(np.random.default_rng(4))
+    data = field if kind == "whole" else ss.open_bricks(field, brick_kernels=300)
+    image = ss.render(data, mode="average", size=20, camera=ahead(12), backend="cpu")
+    assert image.plan.quality.of("filter").value == "ewa"
+
+
+def lattice():
+    n = 64
+    z, y, x = np.mgrid[-1 : 1 : n * 1j, -1 : 1 : n * 1j, -1 : 1 : n * 1j]
+    noise = np.random.default_rng(2).random((n, n, n))
+    return np.maximum(noise * np.exp(-8 * (x * x + y * y + z * z)) - 0.001, 0).astype(np.float32)
+
+
+@pytest.mark.parametrize("in_bricks", [False, True])
+def test_volumes_seen_from_afar_keep_their_mass(in_bricks):
+    values = lattice()
+    data = ss.open_bricks(values, brick=32) if in_bricks else values
+    camera = ss.Camera.orthographic((31.5, 31.5, 300), (31.5, 31.5, 31.5), height=100)
+    for size in SIZES:
+        image = ss.render(data, mode="xray", size=size, camera=camera, backend="cpu")
+        assert shown(image) == pytest.approx(values.sum(dtype=float), rel=0.01)
+        assert image.plan.quality.of("filter").value == ("ewa" if size < 100 else "off")
+    with pytest.warns(ss.PictureWarning, match="samples of a volume wide"):
+        image = ss.render(data, mode="xray", size=16, camera=camera, backend="cpu", filter="off")
+    assert image.error.budget[CAUSE] >= 0.5 * abs(1 - shown(image) / values.sum(dtype=float))
+
+
+def test_means_are_as_wide_as_their_kernels():
+    """The filter would widen them: there are more samples a pixel."""
+    rng = np.random.default_rng(3)
+    field = ss.EllipsoidField(
+        rng.uniform(-2, 2, (400, 3)), 10 ** rng.uniform(-2, -0.5, 400), values=np.ones(400), w0=0.05
+    )
+    true = shown(ss.render(field, mode="xray", size=800, camera=ahead(6), backend="cpu", filter="off", supersampling=2))
+    for size in SIZES:
+        image = ss.render(field, mode="xray", size=size, camera=ahead(6), backend="cpu")
+        assert shown(image) == pytest.approx(true, rel=0.01)
+        assert image.plan.quality.of("filter").value == "off"
+        assert (image.plan.quality.of("supersampling").value > 1) == (size < 80)
+    with pytest.warns(ss.PictureWarning):
+        spread = ss.render(field, mode="xray", size=16, camera=ahead(6), backend="cpu", filter="off")
+    assert spread.error.budget[CAUSE] >= 0.5 * abs(1 - shown(spread) / true)

@@ -21,7 +21,7 @@ Parts = dict[str, Any]
 
 
 def make_field(module: ModuleType, options: dict[str, Any]) -> Any:
-    """Return a field of a module's classes: boundary and base go to the native one where the package has no such names."""
+    """Return a field of a module's classes: boundary and base go to the native one where the package has none."""
     kind = module.EllipsoidField if "centers" in options else module.RegularField
     named = inspect.signature(kind).parameters
     hidden = {name: options[name] for name in ("boundary", "base") if name in options and name not in named}

@@ -50,7 +50,7 @@ MANY = [(0.03 + 0.05 * n, *np.abs(np.sin([n, 2 + n, 4 + 2 * n])).tolist(), 0.02 
 
 
 def lattice(rng: np.random.Generator, scale: float = 1.0, **options: Any) -> dict[str, Any]:
-    """Return a lattice of noise in the cube of edge 2 round 0. Its kernels fall to 0: groups end in different places."""
+    """Return a lattice of noise in the cube of edge 2 round 0. Its kernels fall to 0: ends differ."""
     values = (scale * rng.random((7, 6, 6))).astype(np.float32)
     return {"values": values, "spacing": (0.4, 0.38, 0.35), "origin": (-1.0, -0.9, -1.0), "boundary": "zero"} | options
 

@@ -1,4 +1,4 @@
-"""The reference against the oracle: bases, mirrored samples, where fields end, holes, scalar pictures without numbers."""
+"""The reference against the oracle: bases, mirrored samples, where fields end, holes, scalar pictures."""
 
 from __future__ import annotations
 

@@ -291,7 +291,8 @@ class SamplingOptions(TypedDict, total=False):
                 CommandLine(
                     help="ewa: widen kernels by a pixel across and by a slice distance along the view, so that kernels "
                     "smaller than that do not vanish between pixels or slices; their mass stays the same. auto: where "
-                    "scattered kernels in the picture are that small, and where sums along rays would lose mass without it.",
+                    "scattered kernels in the picture are that small, and where sums along rays would lose mass "
+                    "without it.",
                 ),
             ),
         ),

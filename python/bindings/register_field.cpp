@@ -132,8 +132,8 @@ py::array view_samples(const py::object& self) {
         [&](const auto& samples) {
             using Value = typename std::decay_t<decltype(samples)>::value_type;
             return py::array(py::dtype::of<Value>(), {shape[0], shape[1], shape[2]},
-                             {shape[1] * row * sizeof(Value), row * sizeof(Value), sizeof(Value)}, samples.data() + ends,
-                             self);
+                             {shape[1] * row * sizeof(Value), row * sizeof(Value), sizeof(Value)},
+                             samples.data() + ends, self);
         },
         given ? field.given_samples() : field.samples());
     view.attr("flags").attr("writeable") = false;
@@ -300,7 +300,6 @@ void register_field(py::module_& module) {
         .def_property_readonly("value_range", &Field::value_range)
         .def_property_readonly("base", &Field::base)
         .def_property_readonly("least_weight", &Field::least_weight)
-        .def_property_readonly("divisor", &Field::w0)
         .def_property_readonly("centres", [](const Field& field) { return to_corners(field.centres_world()); })
         .def_property_readonly("supports", [](const Field& field) { return to_corners(field.supports_world()); })
         .def_property_readonly("default_slice_spacing", &Field::default_slice_spacing)
@@ -336,8 +335,7 @@ void register_field(py::module_& module) {
         .def(py::init(&make_ellipsoids), py::arg("centers"), py::arg("scales"), py::arg("rotations").none(true),
              py::arg("values"), py::kw_only(), py::arg("weights").none(true), py::arg("normalization"), py::arg("w0"),
              py::arg("falloff"), py::arg("min_scale"), py::arg("cell_volume"), py::arg("base") = 0.0,
-             py::arg("unit_rotations") = false,
-             py::arg("value_range") = py::none())
+             py::arg("unit_rotations") = false, py::arg("value_range") = py::none())
         .def_property_readonly("centers",
                                [](const py::object& self) {
                                    const auto& arrays = self.cast<const EllipsoidField&>().arrays();

@@ -133,7 +133,7 @@ class _Samples:
         for field in fields:
             value, slope, nearest = field.probe(points)
             values, slopes, reached = values + value, slopes + slope, reached | (nearest >= 0)
-        return cls(values, slopes, reached, _inside(fields[0], points), sum(one.base for one in fields))
+        return cls(values, slopes, reached, fields[0].inside(points), sum(one.base for one in fields))
 
     @classmethod
     def sum_of(cls, groups: list[tuple[Field, ...]], points: Floats) -> _Samples:
@@ -148,15 +148,6 @@ class _Samples:
             np.any([one.inside for one in parts], axis=0),
             sum(one.base for one in parts),
         )
-
-
-def _inside(field: Field, points: Floats) -> NDArray[np.bool_]:
-    """Return which points lie in the domain of a field."""
-    box = field.domain if isinstance(field, RegularField) else None
-    if box is None:
-        return np.ones(len(points), bool)
-    found: NDArray[np.bool_] = np.all((points >= box[0]) & (points <= box[1]), axis=1)
-    return found
 
 
 def _as_summed(fields: tuple[Field, ...]) -> tuple[Field, ...]:
@@ -198,7 +189,7 @@ def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
         open_back = bool(in_front(image.depth_limit, column, row, behind, plan.slice_spacing)[0])
         beyond = ray.at(np.concatenate([depths[:1] - plan.slice_spacing, behind]))
         open_ends = np.array([not plan.cut_by_near, open_back])
-        ends = [(bool(front), bool(back)) for front, back in (open_ends & _inside(one[0], beyond) for one in fields_of)]
+        ends = [(bool(front), bool(back)) for front, back in (open_ends & one[0].inside(beyond) for one in fields_of)]
         found = _seen_surface(scene, groups, depths, kept, plan.slice_spacing, stop, ends)
         return None if found is None else _surface_at(fields_of, ray, *found)
     opacities = np.array(
@@ -308,7 +299,7 @@ def _pick_at(fields: tuple[Field, ...], first: int, ray: _Ray, depth: float, opa
     point = ray.at(np.asarray([depth]))
     probes = [field.probe(point) for field in fields]
     # Lattices add nothing outside of their domains.
-    adds = [bool(_inside(field, point)[0]) for field in fields]
+    adds = [bool(field.inside(point)[0]) for field in fields]
     nearest = [int(numbers[0]) for _, _, numbers in probes]
     which = 0
     if len(fields) > 1:

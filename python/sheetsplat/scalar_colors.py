@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,7 +77,7 @@ class ScalarColors:
         ramp = np.linspace(0.0, 1.0, len(rows))[:, None]
         return bool((rows[:, 3] == 1).all() and np.abs(rows[:, :3] - ramp).max() < 1e-6)
 
-    def limits(self, scalar: NDArray[np.float32], *, from_zero: bool = False) -> tuple[float, float]:
+    def limits(self, scalar: NDArray[np.floating[Any]], *, from_zero: bool = False) -> tuple[float, float]:
         """Return `clim`, or the limits that the numbers of a picture give; `from_zero`: with 0 among them."""
         if self.clim is not None:
             return float(self.clim[0]), float(self.clim[1])

@@ -7,7 +7,6 @@ and the oracle are given the same one.
 from __future__ import annotations
 
 import copy
-import inspect
 from types import ModuleType
 from typing import Any
 
@@ -20,31 +19,9 @@ Array = NDArray[np.float64]
 Parts = dict[str, Any]
 
 
-def make_field(module: ModuleType, options: dict[str, Any]) -> Any:
-    """Return a field of a module's classes: boundary and base go to the native one where the package has none."""
-    kind = module.EllipsoidField if "centers" in options else module.RegularField
-    named = inspect.signature(kind).parameters
-    hidden = {name: options[name] for name in ("boundary", "base") if name in options and name not in named}
-    if not hidden:
-        return kind(**options)
-    field = kind(**{name: value for name, value in options.items() if name not in hidden})
-    native = field.native
-    names = (
-        ("weights", "min_scale", "cell_volume") if "centers" in options else ("spacing", "origin", "lattice", "radius")
-    )
-    same = {name: getattr(field, name) for name in (*names, "falloff", "normalization", "w0")}
-    if "centers" in options:
-        arrays = (native.centers, native.scales, native.rotations, native.values)
-        field.native = type(native)(*arrays, **same, **hidden, unit_rotations=True)
-    else:
-        own = {"nan": field.nan, "prefilter": False, "coefficients": None, "figures": None}
-        field.native = type(native)(np.asarray(field.values), **same, **own, **hidden)
-    return field
-
-
 def build(module: ModuleType, parts: Parts) -> tuple[Any, Any, tuple[int, int]]:
     """Return scene, camera and size made of a module's classes."""
-    fields = [make_field(module, options) for options in parts["fields"]]
+    fields = [(module.EllipsoidField if "centers" in f else module.RegularField)(**f) for f in parts["fields"]]
     groups = parts.get("groups")
     if groups is None:
         shown, transfer = fields[0] if len(fields) == 1 else fields, module.TransferFunction(parts["transfer"])

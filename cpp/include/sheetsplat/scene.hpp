@@ -159,8 +159,8 @@ struct Group {
 };
 
 /// What a renderer makes of the bases and the ends of fields (conventions, section 2) before it draws them as sums of
-/// kernels: fields hold their mirrored samples and end nowhere, `clip` ends them, and transfer functions are counted from
-/// the bases of each group's fields, which add up; iso values as iso_values_of() says.
+/// kernels: fields hold their mirrored samples and end nowhere, `clip` ends them, and transfer functions are counted
+/// from the bases of each group's fields, which add up; iso values as iso_values_of() says.
 struct Counted {
     std::vector<double> bases{}; ///< of each group, what its transfer function and iso values are counted from
     /// The picture says how many slices of each pixel count: an x-ray is drawn as the average where bases are not 0.

@@ -29,6 +29,8 @@ struct Box {
     [[nodiscard]] bool empty() const { return lower.x > upper.x; }
     [[nodiscard]] Vec3 centre() const { return lower + 0.5 * (upper - lower); }
     [[nodiscard]] Vec3 extent() const { return empty() ? Vec3(0.0) : upper - lower; }
+    friend bool operator==(const Box& a, const Box& b) { return a.lower == b.lower && a.upper == b.upper; }
+    friend bool operator!=(const Box& a, const Box& b) { return !(a == b); }
 };
 
 /// Called now and then with the share that is done, 0 to 1. Returning false stops the work (Cancelled).

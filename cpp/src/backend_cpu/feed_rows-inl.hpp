@@ -117,12 +117,11 @@ class RowFeed {
         // A filter adds to the squares of the extents along the picture's axes.
         const glm::dmat3 rows = glm::transpose(own);
         const Vec3 wide(view_.extent_x, view_.extent_y, view_.half_depth);
-        const Vec3 added = wide * wide - Vec3(glm::dot(rows[0], rows[0]), glm::dot(rows[1], rows[1]),
-                                              glm::dot(rows[2], rows[2]));
+        const Vec3 added =
+            wide * wide - Vec3(glm::dot(rows[0], rows[0]), glm::dot(rows[1], rows[1]), glm::dot(rows[2], rows[2]));
         for (const KeptHalfSpace& half : kept) {
             const Vec3 along = half.normal * own;
-            const double squared =
-                glm::dot(along, along) + std::max(0.0, glm::dot(half.normal * half.normal, added));
+            const double squared = glm::dot(along, along) + std::max(0.0, glm::dot(half.normal * half.normal, added));
             cut.keep(glm::dot(half.normal, eye) + half.distance, glm::dot(half.normal, view_.step_i),
                      std::sqrt(squared) * (1.0 + 1e-9), std::numeric_limits<double>::infinity());
         }

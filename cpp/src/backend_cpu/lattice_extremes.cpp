@@ -53,8 +53,7 @@ LatticeExtremes LatticeExtremes::of(const RegularField& field, double sign, Thre
             using Value = typename std::decay_t<decltype(samples)>::value_type;
             // (A NaN is not beyond anything.)
             const auto beyond = [smallest](Value a, Value b) { return smallest ? a < b : a > b; };
-            const Value nothing =
-                smallest ? std::numeric_limits<Value>::max() : std::numeric_limits<Value>::lowest();
+            const Value nothing = smallest ? std::numeric_limits<Value>::max() : std::numeric_limits<Value>::lowest();
             pool.run(
                 deep,
                 [&](std::size_t k, int) {
@@ -91,8 +90,8 @@ LatticeExtremes LatticeExtremes::of(const RegularField& field, double sign, Thre
                             const auto value = static_cast<double>(
                                 *std::max_element(most.data() + along.begin, most.data() + along.end,
                                                   [&](Value a, Value b) { return beyond(b, a); }));
-                            bounds[i] = below(sign * (value - base),
-                                              inside && ExtremeBlocks::is_inside(block_i, ni, radius));
+                            bounds[i] =
+                                below(sign * (value - base), inside && ExtremeBlocks::is_inside(block_i, ni, radius));
                         }
                     }
                 },

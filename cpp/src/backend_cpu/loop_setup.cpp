@@ -77,8 +77,9 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     setup.stops = (plan.stop || plan.mode == Mode::isosurface || plan.depth_limit) && !plan.coverage;
     // (A pixel that ends looks at each slice.)
     const bool filled = job.scene->counted && job.scene->counted->filled;
-    setup.sums_slices = (plan.mode == Mode::xray || (plan.mode == Mode::average && by_place && (filled || !plan.clip))) &&
-                        !plan.owned && !setup.stops && !plan.coverage && !setup.slab && !setup.perspective;
+    setup.sums_slices =
+        (plan.mode == Mode::xray || (plan.mode == Mode::average && by_place && (filled || !plan.clip))) &&
+        !plan.owned && !setup.stops && !plan.coverage && !setup.slab && !setup.perspective;
     setup.slices = frame.slices;
     setup.first_depth = frame.first_depth;
     setup.slice_spacing = frame.slice_spacing;

@@ -164,8 +164,7 @@ HWY_INLINE void for_each_kept(const Slab<T>& slab, const Visit& visit) {
     constexpr int lanes = Slab<T>::lanes;
     const Rect& rect = slab.window.rect;
     for (int y = rect.y0; y < rect.y1; ++y) {
-        const Columns kept =
-            cuts ? slab.columns_of_group(y, 0, slab.columns_kept(y, 0)) : Columns{rect.x0, rect.x1};
+        const Columns kept = cuts ? slab.columns_of_group(y, 0, slab.columns_kept(y, 0)) : Columns{rect.x0, rect.x1};
         for (int x = kept.x0 / lanes * lanes; x < kept.x1; x += lanes) {
             visit(x, y, kept);
         }

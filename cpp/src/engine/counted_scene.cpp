@@ -31,10 +31,6 @@ std::optional<Box> end_of(const Field& field) {
     return lattice != nullptr ? lattice->domain_world() : std::nullopt;
 }
 
-bool same(const std::optional<Box>& a, const std::optional<Box>& b) {
-    return a.has_value() == b.has_value() && (!a || (a->lower == b->lower && a->upper == b->upper));
-}
-
 /// Whether kernels reach every point of a lattice's domain, once samples are mirrored.
 bool fills(const Field& field) {
     const RegularField* lattice = as_regular(&field);
@@ -150,7 +146,7 @@ Scene CountedFields::counted(const Scene& scene, const Camera& camera, Size size
         std::optional<Box> end = end_of(*scene.fields[group.first]);
         bool differ = false;
         for (std::size_t field = group.first; field < group.last; ++field) {
-            differ = differ || !same(end, end_of(*scene.fields[field]));
+            differ = differ || end != end_of(*scene.fields[field]);
         }
         double base = 0.0;
         for (std::size_t field = group.first; field < group.last; ++field) {
@@ -179,7 +175,7 @@ Scene CountedFields::counted(const Scene& scene, const Camera& camera, Size size
     bool any = false, differ = false;
     for (const std::optional<Box>& end : ends) {
         any = any || end;
-        differ = differ || !same(end, ends.front());
+        differ = differ || end != ends.front();
     }
     if (scene.part) {
         counted.mirrored = scene.part->domain.has_value();
@@ -227,7 +223,8 @@ Scene CountedFields::counted(const Scene& scene, const Camera& camera, Size size
 
 void require_one_end(const Scene& drawn) {
     const Counted& counted = *drawn.counted;
-    const bool scalar = is_scalar(drawn.mode), lines = drawn.mode == Mode::isosurface && (drawn.shadows || drawn.ambient_occlusion);
+    const bool scalar = is_scalar(drawn.mode),
+               lines = drawn.mode == Mode::isosurface && (drawn.shadows || drawn.ambient_occlusion);
     const bool one_base = std::all_of(counted.bases.begin(), counted.bases.end(),
                                       [&](double base) { return base == counted.bases.front(); });
     if (lines && !one_base) {
@@ -238,11 +235,12 @@ void require_one_end(const Scene& drawn) {
                           option_ref("ambient_occlusion") + ", or use " + option_ref("backend", "reference")});
     }
     if (!counted.ends.empty() && (scalar || lines)) {
-        throw Unsupported(Complaint{
-            "volumes that end in different places cannot be drawn together in this way",
-            scalar ? "sums of scalars" : option_ref("shadows") + " or " + option_ref("ambient_occlusion") + " of isosurfaces",
-            "volumes with one boundary",
-            "pass " + option_ref("boundary", "zero") + ", or use " + option_ref("backend", "reference")});
+        throw Unsupported(
+            Complaint{"volumes that end in different places cannot be drawn together in this way",
+                      scalar ? "sums of scalars"
+                             : option_ref("shadows") + " or " + option_ref("ambient_occlusion") + " of isosurfaces",
+                      "volumes with one boundary",
+                      "pass " + option_ref("boundary", "zero") + ", or use " + option_ref("backend", "reference")});
     }
 }
 

@@ -115,8 +115,8 @@ std::shared_ptr<const Field> field_of_blocks(const RegularField& field, const Le
             using T = typename std::decay_t<decltype(samples)>::value_type;
             require_memory(checked_product(blocks[0] * blocks[1] * blocks[2], sizeof(T), "a volume of fewer samples"),
                            "a volume of fewer samples", "use a smaller volume");
-            return std::make_shared<const RegularField>(means(samples, field, block, blocks, present, poll),
-                                                        blocks, options);
+            return std::make_shared<const RegularField>(means(samples, field, block, blocks, present, poll), blocks,
+                                                        options);
         },
         field.samples());
 }

@@ -29,9 +29,9 @@ constexpr double beside = 1e-9;
 class LatticeValues final : public PointValues {
   public:
     explicit LatticeValues(std::shared_ptr<const Field> field)
-        : PointValues(field->least_weight()), field_(std::move(field)), samples_(*as_regular(field_.get())), normaliser_(*field_, 1.0),
-          semi_axes_(samples_.semi_axes_world()), origin_(samples_.options().origin), step_(step_of(samples_)),
-          bcc_(samples_.lattice() == Lattice::bcc) {
+        : PointValues(field->least_weight()), field_(std::move(field)), samples_(*as_regular(field_.get())),
+          normaliser_(*field_, 1.0), semi_axes_(samples_.semi_axes_world()), origin_(samples_.options().origin),
+          step_(step_of(samples_)), bcc_(samples_.lattice() == Lattice::bcc) {
         for (int axis = 0; axis < 3; ++axis) {
             const double apart = step_[axis] / semi_axes_[axis];
             ratios_[axis] = std::exp(-2.0 * samples_.kernel().falloff * apart * apart);

@@ -215,7 +215,8 @@ Indexed Renderer::State::find_drawn(const Request& asked, const Prepared& prepar
 
 void Renderer::State::draw(const Request& asked, const Prepared& prepared, const Frame& drawn_like, Image& image) {
     const bool ambient = prepared.plan.ambient_only && !prepared.scene.lights.empty();
-    const Scene ambient_scene = ambient ? with_ambient_colors(prepared.scene) : Scene{prepared.scene.fields, prepared.scene.transfer_function};
+    const Scene ambient_scene =
+        ambient ? with_ambient_colors(prepared.scene) : Scene{prepared.scene.fields, prepared.scene.transfer_function};
     const Request request = asked.with(ambient ? ambient_scene : prepared.scene);
     const auto indexing = Clock::now();
     Indexed indexed = find_drawn(asked, prepared, drawn_like);
@@ -251,7 +252,7 @@ LightPlan Renderer::State::plan_light(const Request& request) {
     const DrawPlan& plan = prepared.plan;
     return (plan.shadows || plan.ambient_occlusion) && !plan.blank
                ? make_light_plan(request.with(prepared.scene), prepared, reach())
-                                                                   : LightPlan{};
+               : LightPlan{};
 }
 
 std::vector<LightPiece> Renderer::State::light_pieces(const Request& request, const LightPlan& light) {
@@ -266,7 +267,8 @@ std::vector<LightSpot> Renderer::State::light_spots(const Request& request, cons
     require_light(request.scene);
     const PollScope polling([&request] { report_progress(request.progress, 0.0); });
     const Prepared prepared = prepare(request);
-    return prepared.plan.blank ? std::vector<LightSpot>{} : light_probe_.spots(request.with(prepared.scene), prepared, numbers);
+    return prepared.plan.blank ? std::vector<LightSpot>{}
+                               : light_probe_.spots(request.with(prepared.scene), prepared, numbers);
 }
 
 LightLines Renderer::State::light_lines(const Request& request, const std::vector<LightSpot>& spots) {

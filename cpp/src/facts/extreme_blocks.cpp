@@ -77,11 +77,10 @@ class LatticeSums {
             for (std::size_t j = in[1].begin; j < in[1].end; ++j) {
                 const Value* row = samples_.data() + field_.row(j, k);
                 count.all += static_cast<std::int64_t>(in[0].end - in[0].begin);
-                count.drawn += std::count_if(row + in[0].begin, row + in[0].end,
-                                             [base = counted_from_](Value value) {
-                                                 const auto own = static_cast<double>(value);
-                                                 return own < base || own > base;
-                                             });
+                count.drawn += std::count_if(row + in[0].begin, row + in[0].end, [base = counted_from_](Value value) {
+                    const auto own = static_cast<double>(value);
+                    return own < base || own > base;
+                });
             }
         }
         return count;
@@ -121,7 +120,8 @@ class LatticeSums {
                 for (std::int64_t x = begin[0]; x < end[0]; ++x) {
                     const Value value = row[first[0] + x];
                     const double weight = across * factors[0][static_cast<std::size_t>(x)] - edge_;
-                    sum += weight > 0.0 && is_number(value) ? weight * (static_cast<double>(value) - counted_from_) : 0.0;
+                    sum +=
+                        weight > 0.0 && is_number(value) ? weight * (static_cast<double>(value) - counted_from_) : 0.0;
                 }
             }
         }

@@ -166,7 +166,8 @@ class VolumeSums {
                 const double factor = y.factor[b] * z_.factor[c];
                 const SampleRange kernels = field_.kernels_of_row(y.first + b, layer);
                 const std::size_t begin = kernels.begin > x.first ? kernels.begin - x.first : 0;
-                const std::size_t end = std::min<std::size_t>(x.count(), kernels.end > x.first ? kernels.end - x.first : 0);
+                const std::size_t end =
+                    std::min<std::size_t>(x.count(), kernels.end > x.first ? kernels.end - x.first : 0);
                 for (std::size_t a = begin; a < end; ++a) {
                     const double r2 = x.squared[a] + y.squared[b] + z_.squared[c];
                     const double value = static_cast<double>(samples[row + a]) - field_.counted_from();

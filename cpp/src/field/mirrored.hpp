@@ -5,6 +5,9 @@
 
 namespace sheetsplat {
 
+/// Beyond the outermost layer the domain goes on for half a layer distance.
+constexpr double domain_in_layers = 0.5;
+
 /// Index of the sample that mirrored sample i is an image of, along an axis of n samples with a mirror in the first and
 /// in the last one; a single one is repeated.
 inline std::size_t mirrored_index(std::ptrdiff_t i, std::size_t n) {

@@ -17,10 +17,6 @@ std::optional<Box> domain_of(const Field& field) {
     return lattice != nullptr ? lattice->domain_world() : std::nullopt;
 }
 
-bool same(const std::optional<Box>& a, const std::optional<Box>& b) {
-    return a.has_value() == b.has_value() && (!a || (a->lower == b->lower && a->upper == b->upper));
-}
-
 TransferFunction counted_from(double base, const TransferFunction& function) {
     std::vector<TransferPoint> points = function.points();
     for (TransferPoint& point : points) {
@@ -37,7 +33,7 @@ CountedScene::CountedScene(const Scene& scene) : scene_(scene) {
         const Group& group = groups[number];
         bool differ = false;
         for (std::size_t field = group.first; field < group.last; ++field) {
-            differ = differ || !same(domain_of(*scene.fields[field]), domain_of(*scene.fields[group.first]));
+            differ = differ || domain_of(*scene.fields[field]) != domain_of(*scene.fields[group.first]);
         }
         double base = 0.0;
         for (std::size_t field = group.first; field < group.last; ++field) {

@@ -261,9 +261,9 @@ class Field(ABC):
         """What D is divided by at least where it is divided by W, which is larger elsewhere; None: it is not."""
         return self._w0 if self._normalization == "threshold" else None
 
-    def _inside(self, points: NDArray[np.float64]) -> NDArray[np.bool_] | None:
-        """Return which points (M, 3) lie in the field's domain; None: all do."""
-        return None
+    def inside(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which points (M, 3) lie in the field's domain, (M,); a field that ends nowhere has all."""
+        return np.ones(len(points), bool)
 
     def _sums_at(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return D, W and their derivatives, (M, 8), and the numbers of the nearest kernels, (M,), -1 where empty."""
@@ -277,9 +277,7 @@ class Field(ABC):
     def _emptied(
         self, places: NDArray[np.float64], sums: NDArray[np.float64], nearest: NDArray[np.int64]
     ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        inside = self._inside(places)
-        if inside is not None:
-            nearest = np.where(inside, nearest, -1)
+        nearest = np.where(self.inside(places), nearest, -1)
         if self._least_weight > 0.0:
             nearest = np.where(sums[:, 1] >= self._least_weight, nearest, -1)
         return sums, nearest

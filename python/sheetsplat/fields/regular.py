@@ -406,10 +406,11 @@ class RegularField(Field):
         lower, upper = self.native.domain
         return (lower, upper) if all(a <= b for a, b in zip(lower, upper, strict=True)) else None
 
-    def _inside(self, points: NDArray[np.float64]) -> NDArray[np.bool_] | None:
+    def inside(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return which points (M, 3) lie in the volume's domain, (M,)."""
         box = self.domain
         if box is None:
-            return None
+            return super().inside(points)
         found: NDArray[np.bool_] = np.all((points >= box[0]) & (points <= box[1]), axis=1)
         return found
 

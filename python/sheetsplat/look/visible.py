@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -176,11 +177,9 @@ def _shown(values: Floats, scene: Scene, others: Sequence[Field], function: Tran
 
 
 def _limits_of(scene: Scene) -> tuple[float, float]:
-    """Return about the limits of the colours of a scalar picture: those of the values, and 0 where it is near."""
+    """Return about the limits of the colours of a scalar picture: those of its values, not of its numbers."""
     ranges = [one.value_range for one in scene.fields if one.size]
-    low, high = sum(first for first, _ in ranges), sum(last for _, last in ranges)
-    near = min(abs(low), abs(high)) <= high - low or low == high
-    return (min(low, 0.0), max(high, 0.0)) if near else (low, high)
+    return replace(scene.scalar_colors, log=False).limits(np.sum(ranges or [(0.0, 0.0)], axis=0))
 
 
 def _depths(values: Floats, scene: Scene, function: TransferFunction) -> Floats:
@@ -188,7 +187,7 @@ def _depths(values: Floats, scene: Scene, function: TransferFunction) -> Floats:
     if scene.mode == "xray":
         return np.abs(values)
     if scene.mode in ("mip", "average"):
-        low, high = scene.scalar_colors.clim or _limits_of(scene)
+        low, high = _limits_of(scene)
         return np.where(values > low + _VISIBLE * (high - low), 1e3 / scene.reference_length, 0.0)
     if scene.mode == "isosurface":
         # A wall of any thickness hides what is behind it.

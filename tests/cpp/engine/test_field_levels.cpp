@@ -13,7 +13,8 @@
 namespace sheetsplat {
 namespace {
 
-std::shared_ptr<const RegularField> ramp(std::array<std::size_t, 3> shape, const RegularFieldOptions& options = test::zero_boundary()) {
+std::shared_ptr<const RegularField> ramp(std::array<std::size_t, 3> shape,
+                                         const RegularFieldOptions& options = test::zero_boundary()) {
     std::vector<float> samples(shape[0] * shape[1] * shape[2]);
     std::iota(samples.begin(), samples.end(), 1.0F);
     return std::make_shared<RegularField>(std::move(samples), shape, options);

@@ -19,9 +19,9 @@
 #include "plan/make_plan.hpp"
 #include "reference/reference.hpp"
 #include "sheetsplat/image.hpp"
+#include "support/lattices.hpp"
 #include "view/ellipsoid_view.hpp"
 #include "view/field_view.hpp"
-#include "support/lattices.hpp"
 
 namespace sheetsplat::test {
 
@@ -203,7 +203,8 @@ inline double largest(const std::vector<double>& values) {
 // Scenes --------------------------------------------------------------------------------------------------------------
 
 /// A soft ball with bumps, values 0 to 1.
-inline std::shared_ptr<const RegularField> ball(std::size_t n, const RegularFieldOptions& options = test::zero_boundary()) {
+inline std::shared_ptr<const RegularField> ball(std::size_t n,
+                                                const RegularFieldOptions& options = test::zero_boundary()) {
     std::vector<float> samples(n * n * n);
     for (std::size_t k = 0; k < n; ++k) {
         for (std::size_t j = 0; j < n; ++j) {

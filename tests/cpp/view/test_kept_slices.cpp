@@ -49,6 +49,8 @@ TEST(KeptSlices, AreThoseOfClipAndSurface) {
     Scene scene = scene_of({2, 1}, {8.1, 5.6});
     scene.clip.planes = {{{0, 0, -1}, 1.2}}; // depths from 6.2 on
     DrawPlan plan;
+    // Intervals begin and end at slices that there are not, too.
+    plan.preintegration = true;
     const auto kept = [&](int column) { return KeptSlices(scene, plan, camera, frame_of({2, 1})).at(column, 0); };
     EXPECT_TRUE(kept(0).holds(0) && kept(0).holds(10));
     plan.clip = true;
@@ -60,6 +62,8 @@ TEST(KeptSlices, AreThoseOfClipAndSurface) {
     }
     plan.clip = false;
     EXPECT_TRUE(kept(1).holds(-1) && kept(1).holds(1) && !kept(1).holds(2));
+    plan.depth_limit = plan.preintegration = false;
+    EXPECT_TRUE(!kept(0).holds(-1) && kept(0).holds(0) && kept(0).holds(9) && !kept(0).holds(10));
 }
 
 TEST(OwnedSlices, OfCellsThatShareAFaceAreEachOthersRest) {

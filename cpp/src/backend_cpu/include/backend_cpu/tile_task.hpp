@@ -146,11 +146,10 @@ struct TileScratch {
     std::uint64_t kernels_drawn = 0;
 
     [[nodiscard]] std::size_t bytes() const {
-        std::size_t sum =
-            carried.capacity() * sizeof(Section<T>) + (ring.capacity() + zeros.capacity() + ones.capacity() +
-                                                       reached.capacity() + sums.capacity() +
-                                                       first_kept.capacity() + last_kept.capacity() + picture.capacity()) *
-                                                          sizeof(T);
+        std::size_t sum = carried.capacity() * sizeof(Section<T>) +
+                          (ring.capacity() + zeros.capacity() + ones.capacity() + reached.capacity() + sums.capacity() +
+                           first_kept.capacity() + last_kept.capacity() + picture.capacity()) *
+                              sizeof(T);
         for (const auto& part : kernels) {
             sum += part.bytes();
         }

@@ -47,8 +47,8 @@ struct ExtremeFacts {
     /// Of the samples of the blocks that they cross, the share that is not 0: those that sheets are summed from.
     double drawn = 0.0;
 };
-/// field: must fit; peak: largest W / C; sign: of rho, whose smallest number is looked for; kept: half spaces outside of which
-/// nothing shows.
+/// field: must fit; peak: largest W / C; sign: of rho, whose smallest number is looked for; kept: half spaces outside
+/// of which nothing shows.
 ExtremeFacts extreme_facts(const RegularField& field, double peak, double sign, const std::vector<Clip::Plane>& kept,
                            const Camera& camera, const Frame& frame);
 

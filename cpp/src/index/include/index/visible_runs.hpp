@@ -48,7 +48,8 @@ Ripple lattice_ripple(const RegularField& field);
 /// coefficients of Gaussians of the same mass, all of them positive, by at most 1, so that their sum is at most what it
 /// was at a lattice point.
 double largest_filtered_sum(const RegularField& field);
-/// The most that rho can be for kernels of value 1, whichever of them are drawn. filter_gain: as VisibilityQuery has it.
+/// The most that rho can be for kernels of value 1, whichever of them are drawn. filter_gain: as VisibilityQuery has
+/// it.
 double largest_weight(const RegularField& field, double filter_gain);
 
 } // namespace sheetsplat

@@ -216,6 +216,33 @@ class InstructionSetChoice {
     InstructionSetChoice& operator=(const InstructionSetChoice&) = delete;
 };
 
+/// Expects what the prefilter finds with every instruction set. matrix: sums of kernels at samples; counted: samples
+/// less their base; expected: the matrix's solution.
+void expect_coefficients(const std::vector<float>& samples, const std::vector<double>& counted, const Shape& shape,
+                         const RegularFieldOptions& options, const std::vector<double>& matrix,
+                         const std::vector<double>& expected) {
+    const std::string lattice = options.lattice == Lattice::bcc ? "bcc " : "cartesian ";
+    const std::string where = lattice + std::to_string(options.radius) + " " + std::to_string(options.falloff) + " " +
+                              std::to_string(shape[0]) + " " + std::to_string(shape[1]) + " " +
+                              std::to_string(shape[2]);
+    const std::vector<std::string> all = instruction_sets();
+    const bool in_use = options.radius == 2.5;
+    for (const std::string& set : in_use ? all : std::vector<std::string>{all.front()}) {
+        SCOPED_TRACE(where + " " + set);
+        const InstructionSetChoice choice(set);
+        const PrefilteredSamples narrow = prefiltered(samples, shape, options);
+        EXPECT_LE(largest_difference(wide(narrow.coefficients), expected), 1e-6 * largest(expected));
+        const std::vector<double> sums = product(matrix, wide(narrow.coefficients));
+        EXPECT_NEAR(largest_difference(sums, counted) / largest(counted), narrow.figures.residual, 1e-12);
+        const PrefilteredSamples exact = prefiltered(wide(samples), shape, options);
+        ASSERT_TRUE(std::holds_alternative<std::vector<double>>(exact.coefficients));
+        EXPECT_LE(largest_difference(wide(exact.coefficients), expected), 2e-11 * largest(expected));
+        if (in_use) {
+            EXPECT_LE(narrow.figures.steps, 12);
+        }
+    }
+}
+
 TEST(Prefilter, CoefficientsAreThoseOfTheDenseMatrix) {
     for (const Lattice lattice : lattices) {
         for (const auto& [radius, falloff] : kernels) {
@@ -224,29 +251,7 @@ TEST(Prefilter, CoefficientsAreThoseOfTheDenseMatrix) {
                 const std::vector<float> samples = noise<float>(count_of(shape), 50.0);
                 const std::vector<double> matrix = matrix_of(shape, options);
                 const std::vector<double> expected = dense_solution(matrix, wide(samples));
-                const std::string where = std::string(lattice == Lattice::bcc ? "bcc" : "cartesian") + " " +
-                                          std::to_string(radius) + " " + std::to_string(falloff) + " " +
-                                          std::to_string(shape[0]) + " " + std::to_string(shape[1]) + " " +
-                                          std::to_string(shape[2]);
-                const std::vector<std::string> all = instruction_sets();
-                const bool in_use = radius == 2.5;
-                for (const std::string& set : in_use ? all : std::vector<std::string>{all.front()}) {
-                    const InstructionSetChoice choice(set);
-                    const PrefilteredSamples narrow = prefiltered(samples, shape, options);
-                    EXPECT_LE(largest_difference(wide(narrow.coefficients), expected), 1e-6 * largest(expected))
-                        << where << " " << set;
-                    const std::vector<double> sums = product(matrix, wide(narrow.coefficients));
-                    EXPECT_NEAR(largest_difference(sums, wide(samples)) / largest(wide(samples)),
-                                narrow.figures.residual, 1e-12)
-                        << where << " " << set;
-                    const PrefilteredSamples exact = prefiltered(wide(samples), shape, options);
-                    ASSERT_TRUE(std::holds_alternative<std::vector<double>>(exact.coefficients));
-                    EXPECT_LE(largest_difference(wide(exact.coefficients), expected), 2e-11 * largest(expected))
-                        << where << " " << set;
-                    if (in_use) {
-                        EXPECT_LE(narrow.figures.steps, 12) << where << " " << set;
-                    }
-                }
+                expect_coefficients(samples, wide(samples), shape, options, matrix, expected);
             }
         }
     }
@@ -283,27 +288,7 @@ TEST(Prefilter, MirroredCoefficientsAreThoseOfTheDenseMatrix) {
                     }
                 }
                 const std::vector<double> expected = dense_solution(symmetric, right);
-                const std::string where = std::string(lattice == Lattice::bcc ? "bcc" : "cartesian") + " " +
-                                          std::to_string(radius) + " " + std::to_string(falloff) + " " +
-                                          std::to_string(shape[0]) + " " + std::to_string(shape[1]) + " " +
-                                          std::to_string(shape[2]);
-                const std::vector<std::string> all = instruction_sets();
-                const bool in_use = radius == 2.5;
-                for (const std::string& set : in_use ? all : std::vector<std::string>{all.front()}) {
-                    const InstructionSetChoice choice(set);
-                    const PrefilteredSamples narrow = prefiltered(samples, shape, options);
-                    EXPECT_LE(largest_difference(wide(narrow.coefficients), expected), 1e-6 * largest(expected))
-                        << where << " " << set;
-                    const std::vector<double> sums = product(matrix, wide(narrow.coefficients));
-                    EXPECT_NEAR(largest_difference(sums, counted) / largest(counted), narrow.figures.residual, 1e-12)
-                        << where << " " << set;
-                    const PrefilteredSamples exact = prefiltered(wide(samples), shape, options);
-                    EXPECT_LE(largest_difference(wide(exact.coefficients), expected), 2e-11 * largest(expected))
-                        << where << " " << set;
-                    if (in_use) {
-                        EXPECT_LE(narrow.figures.steps, 12) << where << " " << set;
-                    }
-                }
+                expect_coefficients(samples, counted, shape, options, matrix, expected);
             }
         }
     }

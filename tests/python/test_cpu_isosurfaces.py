@@ -20,7 +20,7 @@ def waves():
 def values_of(kind, count):
     rng = np.random.default_rng(count)
     if kind == "even":
-        values = np.linspace(0.2, 0.8, count)
+        values = np.linspace(0.2, 0.81, count)  # none so near the base, 0.5, that float32 is refused
     elif kind == "crowded":  # most of them in one cell of the table
         values = np.concatenate([0.4 + 1e-3 * rng.random(count - 2), [0.3, 1e6]])
     else:  # with twins, and such as nothing reaches

@@ -1,5 +1,5 @@
-// shade.frag for scenes that it does not draw: GROUPS of fields with transfer functions of their own, and isosurfaces of several values
-// or translucent ones. Source: conventions, sections 4 to 7.
+// shade.frag for scenes that it does not draw: GROUPS of fields with transfer functions of their own or that end in different places, and
+// isosurfaces of several values or translucent ones. Source: conventions, sections 2 and 4 to 7.
 #include "lib/interop.h"
 #include "lib/sheets.glsl"
 #include "lib/compensated.glsl"
@@ -18,10 +18,18 @@
 #include "lib/opacity.glsl"
 uniform float exponent;         // slice spacing over reference length
 #endif
-#if defined(CLIP) || defined(OWNED)
+#if defined(CLIP) || defined(OWNED) || defined(ENDS)
 #include "lib/clip.glsl"
 #endif
+#if defined(CLIP) || defined(ENDS)
+#define CUT
+#endif
+#if defined(CLASSIFY) || defined(MODE_ISOSURFACE)
 #include "lib/look.glsl"
+#else
+#define SCALAR
+uniform float bases[ALL_GROUPS]; // what the values of each group are counted from
+#endif
 #ifdef GRADIENT
 #include "lib/gradient.glsl"
 #define SEEN(color, slab) seen(color, slab, normal_gradient, view)
@@ -30,6 +38,16 @@ uniform float exponent;         // slice spacing over reference length
 #endif
 #ifdef LEAST_WEIGHT
 uniform float least_weights[ALL_GROUPS]; // points of a group with less are empty
+#endif
+// Whether a slab of a group can show something.
+#if defined(CUT) && defined(EMPTY_TEST)
+#define REACHED(n) (kept[n] && w[n] != 0.0)
+#elif defined(CUT)
+#define REACHED(n) kept[n]
+#elif defined(EMPTY_TEST)
+#define REACHED(n) (w[n] != 0.0)
+#else
+#define REACHED(n) true
 #endif
 #ifdef STOP
 uniform float opacity_stop;
@@ -95,29 +113,40 @@ void main() {
 #if defined(CLIP) || defined(OWNED)
     ivec4 runs = texelFetch(clip_texture, at, 0);
 #endif
+#ifdef CUT
+    bool kept[ALL_GROUPS * SLABS];
+    for (int g = 0; g < ALL_GROUPS; ++g) {
+#ifdef ENDS
+        ivec2 inside = texelFetch(end_texture, ivec3(at, g), 0).rg;
+#endif
+        for (int c = INTERVAL; c < CENTER + SLICES; ++c) {
+            bool cut = false;
 #ifdef CLIP
-    bool kept[SLABS];
-    for (int c = INTERVAL; c < CENTER + SLICES; ++c) {
-        kept[c] = is_kept(runs, c);
+            cut = !is_kept(runs, c);
+#endif
+#ifdef ENDS
+            cut = cut || !is_in(inside, c);
+#endif
+            kept[g * SLABS + c] = !cut;
+        }
     }
 #endif
 
 #ifdef COVERAGE
     vec2 covered = texelFetch(image_coverage_texture, at, 0).rg;
     for (int c = CENTER; c < CENTER + SLICES; ++c) {
-#ifdef CLIP
-        if (!kept[c]) {
-            continue;
-        }
-#endif
 #ifdef OWNED
         if (!is_owned(runs, c)) {
             continue;
         }
 #endif
         float weight = 0.0;
-        for (int g = 0; g < ALL_GROUPS; ++g) {
-            weight += w[g * SLABS + c];
+        for (int n = c; n < ALL_GROUPS * SLABS; n += SLABS) {
+#ifdef CUT
+            weight += kept[n] ? w[n] : 0.0;
+#else
+            weight += w[n];
+#endif
         }
         add(covered, weight * slant);
     }
@@ -142,13 +171,39 @@ void main() {
     vec4 error = texelFetch(image_error_texture, at, 0);
 #endif
 
-#ifdef MODE_ISOSURFACE
-    for (int c = INTERVAL; c < INTERVAL + SLICES; ++c) {
-#ifdef CLIP
-        if (!kept[c] || !kept[c + 1]) {
+#ifdef SCALAR
+    for (int c = CENTER; c < CENTER + SLICES; ++c) {
+#ifdef OWNED
+        if (!is_owned(runs, c)) {
             continue;
         }
 #endif
+        float sum = 0.0;
+        bool counts = false;
+        for (int g = 0; g < ALL_GROUPS; ++g) {
+            int n = g * SLABS + c;
+            if (kept[n]) {
+                sum += rho[n] + bases[g];
+#ifdef WEIGHT
+                counts = counts || w[n] > 0.0;
+#else
+                counts = true;
+#endif
+            }
+        }
+        if (counts) {
+#if defined(MODE_XRAY)
+            add(result.rg, sum * slant);
+#elif defined(MODE_EXTREME)
+            result.rg = vec2(result.g > 0.0 ? MODE_EXTREME(result.r, sum) : sum, 1.0);
+#else
+            add(result.rg, sum);
+            result.b += 1.0;
+#endif
+        }
+    }
+#elif defined(MODE_ISOSURFACE)
+    for (int c = INTERVAL; c < INTERVAL + SLICES; ++c) {
 #ifdef OWNED
         if (!is_owned(runs, c)) {
             continue;
@@ -166,9 +221,14 @@ void main() {
             float place = 2.0;
             for (int s = 0; s < SURFACES; ++s) {
                 float value = iso_values[s];
-                float front = rho[s / VALUES * SLABS + c];
-                float back = rho[s / VALUES * SLABS + c + 1];
-                if ((front < value) == (back < value) || (drawn & (1u << s)) != 0u) {
+                int n = s / VALUES * SLABS + c;
+                float front = rho[n];
+                float back = rho[n + 1];
+                bool crossed = (front < value) != (back < value) && (drawn & (1u << s)) == 0u;
+#ifdef CUT
+                crossed = crossed && kept[n] && kept[n + 1];
+#endif
+                if (!crossed) {
                     continue;
                 }
                 float share = clamp((value - front) / (back - front), 0.0, 1.0);
@@ -199,11 +259,6 @@ void main() {
     }
 #else
     for (int c = FIRST; c < FIRST + SLICES && result.a < opacity_stop; ++c) {
-#if defined(CLIP) && !defined(PREINTEGRATION)
-        if (!kept[c]) {
-            continue;
-        }
-#endif
 #ifdef OWNED
         if (!is_owned(runs, c)) {
             continue;
@@ -221,15 +276,7 @@ void main() {
             SELECT(g);
             int n = g * SLABS + c;
 #ifdef PREINTEGRATION
-#if defined(EMPTY_TEST) && defined(CLIP)
-            bool reached = (kept[c] && w[n] != 0.0) || (kept[c + 1] && w[n + 1] != 0.0);
-#elif defined(EMPTY_TEST)
-            bool reached = w[n] != 0.0 || w[n + 1] != 0.0;
-#elif defined(CLIP)
-            bool reached = kept[c] || kept[c + 1];
-#else
-            const bool reached = true;
-#endif
+            bool reached = REACHED(n) || REACHED(n + 1);
 #ifdef GRADIENT
             vec3 normal_gradient = 0.5 * (gradient[n] + gradient[n + 1]);
 #endif
@@ -239,11 +286,7 @@ void main() {
             tau *= min(length(normal_gradient) / full_gradient, 1.0);
 #endif
 #else
-#ifdef EMPTY_TEST
-            bool reached = w[n] != 0.0;
-#else
-            const bool reached = true;
-#endif
+            bool reached = REACHED(n);
 #ifdef GRADIENT
             vec3 normal_gradient = gradient[n];
 #endif

@@ -13,7 +13,7 @@ uniform float slice_spacing;
 #if defined(PREINTEGRATION) && defined(DEPTH_OUT)
 uniform int nearest_slab;       // of the array: that of the least depth that an interval reports
 #endif
-#if (defined(SLOPES) && !defined(ANALYTIC)) || defined(CLIP) || defined(OWNED) || defined(OPEN_FRONT)
+#if (defined(SLOPES) && !defined(ANALYTIC)) || defined(CLIP) || defined(OWNED) || defined(ENDS) || defined(OPEN_FRONT)
 uniform int first_slab;         // of the array, counted from the first slice
 #endif
 #ifdef READ_IMAGE

@@ -168,7 +168,8 @@ struct Counted {
     Clip clip{}; ///< the scene's own, without the ends of fields
     /// Kernels reach every point that the ends of fields keep: no point there is empty.
     bool filled = false;
-    /// Where the fields of each group end, if they do not all end in one place; then `clip` does not end them.
+    /// Where the fields of each group end, if they do not all end in one place; then the scene's clip does not end
+    /// them, and scalar modes add the base of each group where its fields are.
     std::vector<std::optional<Box>> ends{};
     /// Why mirrored samples and ends are drawn, or why they are not.
     bool mirrored = false;

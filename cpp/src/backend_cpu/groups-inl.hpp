@@ -161,6 +161,60 @@ HWY_NOINLINE void mix_groups(const Slab<T>& first) {
     }
 }
 
+// Scalars -------------------------------------------------------------------------------------------------------------
+
+/// Scalar modes of groups that end in different places: at each point the groups add up inside whose end it lies.
+template <class T>
+HWY_NOINLINE void sum_groups(const Slab<T>& first) {
+    using V = typename Slab<T>::V;
+    constexpr int lanes = Slab<T>::lanes;
+    const typename Slab<T>::D d;
+    const std::vector<GroupSlab<T>> slabs = group_slabs(first);
+    const Shading<T>& shading = first.shading;
+    const V step = hn::Set(d, shading.scalar_step), one = hn::Set(d, T(1)), zero = hn::Zero(d);
+    std::vector<Columns> own(slabs.size());
+    for (int y = first.window.rect.y0; y < first.window.rect.y1; ++y) {
+        const Columns kept = first.columns_kept(y, 0);
+        for (std::size_t group = 0; group < slabs.size(); ++group) {
+            own[group] = slabs[group].slab.columns_of_group(y, 0, kept);
+        }
+        for (int x = kept.x0 / lanes * lanes; x < kept.x1; x += lanes) {
+            const auto visible = first.owned(d, first.kept(d, hn::Eq(zero, zero), 0, y, x, kept), y, x);
+            auto counts = hn::FirstN(d, 0);
+            V sum = zero;
+            for (std::size_t group = 0; group < slabs.size(); ++group) {
+                const Slab<T>& slab = slabs[group].slab;
+                const auto inside = slab.within(d, visible, x, own[group]);
+                const V value = hn::Add(slab.rho(d, 1, y, x), hn::Set(d, slab.group.base));
+                sum = hn::Add(sum, hn::IfThenElseZero(inside, value));
+                const auto reached = shading.mode == Mode::xray
+                                         ? inside
+                                         : slab.weighs(d, hn::LoadU(d, slab.sheets.weight[0] + slab.in_sheet(y) + x));
+                counts = hn::Or(counts, hn::And(inside, reached));
+            }
+            if (hn::AllFalse(d, counts)) {
+                continue;
+            }
+            const std::ptrdiff_t at = first.in_plane(y) + x;
+            const V value = hn::Mul(sum, step), so_far = hn::LoadU(d, first.picture.scalar + at);
+            V result = so_far;
+            if (shading.mode == Mode::mip) {
+                result = hn::Max(so_far, value);
+            } else if (shading.mode == Mode::minimum) {
+                result = hn::Min(so_far, value);
+            } else {
+                const bool slanted = shading.mode == Mode::xray && shading.perspective;
+                result = hn::MulAdd(value, slanted ? first.ray(d, x, y).slant : one, so_far);
+            }
+            hn::StoreU(hn::IfThenElse(counts, result, so_far), d, first.picture.scalar + at);
+            if (shading.mode == Mode::average) {
+                T* count = first.picture.counted + at;
+                hn::StoreU(hn::Add(hn::LoadU(d, count), hn::IfThenElseZero(counts, one)), d, count);
+            }
+        }
+    }
+}
+
 // Isosurfaces ---------------------------------------------------------------------------------------------------------
 
 /// Of a row's rays, a group's crossings between two slices that are left: the nearest is that of the surface `rank`,

@@ -79,7 +79,8 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     const bool filled = job.scene->counted && job.scene->counted->filled;
     setup.sums_slices =
         (plan.mode == Mode::xray || (plan.mode == Mode::average && by_place && (filled || !plan.clip))) &&
-        !plan.owned && !setup.stops && !plan.coverage && !setup.slab && !setup.perspective;
+        adds_all_fields(*job.scene) && !plan.owned && !setup.stops && !plan.coverage && !setup.slab &&
+        !setup.perspective;
     setup.slices = frame.slices;
     setup.first_depth = frame.first_depth;
     setup.slice_spacing = frame.slice_spacing;

@@ -84,6 +84,9 @@ void divide_group(const GroupSheets<T>& group, bool keep_weight, bool from_first
         }
         for (int x = rect.x0; x < rect.x1; x += lanes) {
             auto sum = hn::LoadU(d, rho + x);
+            const auto plain_weight = keep_weight ? hn::LoadU(d, weight + x) : hn::Zero(d);
+            auto all_weight = plain_weight;
+            auto reached = hn::Gt(plain_weight, hn::Zero(d));
             if (group.threshold) {
                 sum = quotient(sum, hn::LoadU(d, weight + x), weight + ring.elements() + x, group.w0, group.pivot);
             }
@@ -92,11 +95,13 @@ void divide_group(const GroupSheets<T>& group, bool keep_weight, bool from_first
                 const auto own_weight = hn::LoadU(d, weights);
                 const auto value = hn::LoadU(d, ring.plane(n, own.value_channel) + at + x);
                 sum = hn::Add(sum, quotient(value, own_weight, weights + ring.elements(), own.w0, own.pivot));
-                if (keep_weight) {
-                    const auto counts = hn::Ge(own_weight, hn::Set(d, own.least_weight));
-                    hn::StoreU(hn::Add(hn::LoadU(d, weight + x), hn::IfThenElseZero(counts, own_weight)), d,
-                               weight + x);
-                }
+                all_weight = hn::Add(all_weight, own_weight);
+                const auto counts = hn::Ge(own_weight, hn::Set(d, own.least_weight));
+                reached = hn::Or(reached, hn::And(counts, hn::Gt(own_weight, hn::Zero(d))));
+            }
+            // Below 0 where each field is empty, though some have weights: coverage counts those.
+            if (keep_weight && !group.own.empty()) {
+                hn::StoreU(hn::IfThenElse(reached, all_weight, hn::Neg(all_weight)), d, weight + x);
             }
             hn::StoreU(sum, d, rho + x);
         }

@@ -16,6 +16,7 @@
 #include "effects-inl.hpp"
 #include "groups-inl.hpp"
 #include "hwy/highway.h"
+#include "scene/mode_rules.hpp"
 #include "slab_passes-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -92,19 +93,22 @@ HWY_INLINE void shade_slab(const Shading<T>& shading, const TileShape& shape, co
         return;
     }
     const Slab<T> slab(shading, shape, window, picture);
-    const auto add = [&](const Slab<T>& of, const T* sheet, T step, T* plane) {
-        shading.cuts ? add_sheet<true>(of, sheet, step, plane) : add_sheet<false>(of, sheet, step, plane);
+    const auto add = [&](const Slab<T>& of, const T* sheet, T step, T* plane, bool weights) {
+        shading.cuts ? add_sheet<true>(of, sheet, step, plane, weights)
+                     : add_sheet<false>(of, sheet, step, plane, weights);
     };
     const std::size_t groups = shading.groups.size();
     for (std::size_t group = 0; group < groups && picture.coverage != nullptr && window.n >= 0; ++group) {
         const Slab<T> of(shading, shape, window, picture, group);
-        add(of, of.sheets.weight[0], shading.coverage_step, picture.coverage);
+        add(of, of.sheets.weight[0], shading.coverage_step, picture.coverage, true);
     }
     if (shading.open_front && window.n < 0) {
         return;
     }
-    if (shading.mode == Mode::xray) {
-        add(slab, window.rho[1], shading.scalar_step, picture.scalar);
+    if (is_scalar(shading.mode) && groups > 1) {
+        sum_groups(slab);
+    } else if (shading.mode == Mode::xray) {
+        add(slab, window.rho[1], shading.scalar_step, picture.scalar, false);
     } else if (shading.mode == Mode::mip || shading.mode == Mode::minimum) {
         shading.cuts ? find_extreme<true>(slab) : find_extreme<false>(slab);
     } else if (shading.mode == Mode::average) {

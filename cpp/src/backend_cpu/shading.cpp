@@ -41,6 +41,7 @@ GroupShading<T> group_of(const TransferFunction& function, const ShadingInputs::
     group.weakest_gradient = inputs.weakest_gradient;
     group.least_weight = number<T>(inputs.least_weight);
     group.full_gradient = inputs.full_gradient;
+    group.base = number<T>(inputs.base);
     return group;
 }
 

@@ -184,9 +184,10 @@ HWY_INLINE void for_each_in_sheet(const Slab<T>& slab, const T* sheet, const Vis
     });
 }
 
-/// Adds a sheet, times a step along the pixel's ray, to a plane: x-ray and coverage.
+/// Adds a sheet, times a step along the pixel's ray, to a plane: x-ray and coverage. weights: those below 0 are of
+/// points that are empty all the same (divide_group()).
 template <bool cuts, class T>
-HWY_NOINLINE void add_sheet(const Slab<T>& slab, const T* sheet, T step, T* plane) {
+HWY_NOINLINE void add_sheet(const Slab<T>& slab, const T* sheet, T step, T* plane, bool weights) {
     using V = typename Slab<T>::V;
     const typename Slab<T>::D d;
     for_each_in_sheet<cuts>(slab, sheet, [&](int x, int y, V value) SHEETSPLAT_CPU_INLINE {
@@ -198,7 +199,7 @@ HWY_NOINLINE void add_sheet(const Slab<T>& slab, const T* sheet, T step, T* plan
             length = hn::Mul(length, slab.ray(d, x, y).slant);
         }
         T* to = plane + slab.in_plane(y) + x;
-        hn::StoreU(hn::MulAdd(value, length, hn::LoadU(d, to)), d, to);
+        hn::StoreU(hn::MulAdd(weights ? hn::Abs(value) : value, length, hn::LoadU(d, to)), d, to);
     });
 }
 

@@ -26,6 +26,7 @@ void divide_own_sheets(const TileScope& scope, std::int64_t pass) {
         variant.outputs.emplace_back("weight_sum");
     }
     const gl::Program& program = scope.resources.program(variant);
+    const std::vector<Group> groups = groups_drawn(*scope.job.scene);
     for (std::size_t field = 0; field < scope.plan.own_sheets.size(); ++field) {
         const int own = scope.plan.own_sheets[field];
         if (own < 0) {
@@ -40,7 +41,10 @@ void divide_own_sheets(const TileScope& scope, std::int64_t pass) {
         sheet.bind(program, "front");
         scope.set_counting(program, field);
         program.set("w0", static_cast<float>(scope.job.scene->fields[field]->w0()));
-        program.set("least_weight", static_cast<float>(scope.job.scene->fields[field]->least_weight()));
+        // (Of a field that is a group, shading tests it: coverage counts all weights.)
+        const std::size_t group = group_drawn_of(*scope.job.scene, field);
+        const bool alone = groups[group].last - groups[group].first == 1;
+        program.set("least_weight", alone ? 0.0F : static_cast<float>(scope.job.scene->fields[field]->least_weight()));
         scope.draw_targets(program);
         targets.clear_own(own, sheet_number);
     }

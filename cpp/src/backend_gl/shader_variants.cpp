@@ -184,6 +184,7 @@ ShadedParts shaded_parts(const Scene& scene) {
     parts.least_weights = std::any_of(groups.begin(), groups.end(), [&scene](const Group& group) {
         return group.last - group.first == 1 && scene.fields[group.first]->least_weight() > 0.0;
     });
+    parts.ends = scene.counted && !scene.counted->ends.empty();
     if (scene.mode == Mode::isosurface) {
         const bool plain = parts.groups == 1 && scene.iso_values.size() == 1 && scene.iso_values.front().opacity == 1.0;
         parts.surfaces = plain ? 0 : parts.groups * scene.iso_values.size();
@@ -209,7 +210,7 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
     if (!wide) {
         defines["PHASE"] = std::to_string(phase);
     }
-    const std::array<std::pair<const char*, bool>, 33> switches{{
+    const std::array<std::pair<const char*, bool>, 34> switches{{
         {"CLASSIFY", plan.mode == Mode::composite},
         {"MODE_ISOSURFACE", plan.mode == Mode::isosurface},
         {"MODE_XRAY", plan.mode == Mode::xray},
@@ -235,6 +236,7 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
         {"SECOND_ORDER", plan.second_order},
         {"CLIP", plan.cuts()},
         {"OWNED", plan.owned},
+        {"ENDS", parts.ends},
         {"OPEN_FRONT", plan.open_front},
         {"GRADIENT_OPACITY", plan.gradient_opacity},
         {"DEPTH_CUE", plan.depth_cue},

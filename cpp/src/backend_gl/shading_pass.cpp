@@ -12,29 +12,46 @@ namespace sheetsplat::backend_gl {
 
 namespace {
 
+/// of(column, row) of each pixel of the tile's targets, row by row.
+template <class Of>
+void add_runs(const Tile& tile, std::vector<SliceRun>& to, const Of& of) {
+    for (int y = 0; y < tile.target_height(); ++y) {
+        for (int x = 0; x < tile.target_width(); ++x) {
+            of(tile.x + x - Tile::border, tile.y + y - Tile::border, to);
+        }
+    }
+}
+
+static_assert(sizeof(SliceRun) == 2 * sizeof(GLint), "runs are uploaded as they are");
+
 gl::Texture make_kept(const TileScope& scope) {
     const KeptSlices kept(*scope.job.scene, scope.plan, *scope.job.camera, scope.frame);
-    const int width = scope.tile.target_width();
-    const int height = scope.tile.target_height();
     std::optional<OwnedSlices> owned;
     if (scope.plan.owned) {
         owned.emplace(*scope.job.scene->part, *scope.job.camera, scope.frame);
     }
-    struct Runs {
-        SliceRun kept, owned;
-    };
-    std::vector<Runs> runs(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
-    auto run = runs.begin();
-    for (int y = 0; y < height; ++y) {
-        for (int x = 0; x < width; ++x, ++run) {
-            const int column = scope.tile.x + x - Tile::border, row = scope.tile.y + y - Tile::border;
-            run->kept = kept.at(column, row);
-            run->owned = owned ? owned->at(column, row) : SliceRun{};
-        }
-    }
-    static_assert(sizeof(Runs) == 4 * sizeof(GLint), "runs are uploaded as they are");
-    gl::Texture texture(scope.gl, GL_RGBA32I, width, height);
+    std::vector<SliceRun> runs;
+    add_runs(scope.tile, runs, [&](int column, int row, std::vector<SliceRun>& to) {
+        to.push_back(kept.at(column, row));
+        to.push_back(owned ? owned->at(column, row) : SliceRun{});
+    });
+    gl::Texture texture(scope.gl, GL_RGBA32I, scope.tile.target_width(), scope.tile.target_height());
     texture.upload(GL_RGBA_INTEGER, GL_INT, runs.data());
+    return texture;
+}
+
+/// Where the fields of each group end.
+gl::Texture make_ends(const TileScope& scope) {
+    std::vector<SliceRun> runs;
+    const std::vector<std::optional<Box>>& ends = scope.job.scene->counted->ends;
+    for (const std::optional<Box>& end : ends) {
+        const KeptSlices inside(Clip{{}, end}, scope.plan, *scope.job.camera, scope.frame);
+        add_runs(scope.tile, runs,
+                 [&](int column, int row, std::vector<SliceRun>& to) { to.push_back(inside.at(column, row)); });
+    }
+    gl::Texture texture(scope.gl, GL_RG32I, scope.tile.target_width(), scope.tile.target_height(),
+                        static_cast<int>(ends.size()));
+    texture.upload(GL_RG_INTEGER, GL_INT, runs.data());
     return texture;
 }
 
@@ -49,6 +66,9 @@ ShadingPass::ShadingPass(const TileScope& scope, const Classification* classific
     : scope_(scope), classification_(classification), inputs_(make_inputs(scope)) {
     if (scope.plan.cuts() || scope.plan.owned) {
         kept_ = make_kept(scope);
+    }
+    if (shaded_parts(*scope.job.scene).ends) {
+        ends_ = make_ends(scope);
     }
 }
 
@@ -71,6 +91,9 @@ void ShadingPass::shade(const TouchedPixels& touched, std::int64_t pass) const {
     }
     if (plan.cuts() || plan.owned) {
         program.bind("clip_texture", kept_, UNIT_CLIP);
+    }
+    if (parts.ends) {
+        program.bind("end_texture", ends_, UNIT_ENDS);
     }
     set_shading(program, scope_, inputs_, classification_, pass);
     if (plan.read_image) {

@@ -3,6 +3,8 @@
 #include <string>
 #include <vector>
 
+#include "scene/mode_rules.hpp"
+
 namespace sheetsplat::backend_gl {
 
 namespace {
@@ -106,6 +108,11 @@ void set_shading(const gl::Program& program, const TileScope& scope, const Shadi
     }
     if (shaded_parts(*scope.job.scene).least_weights) {
         set_least_weights(program, inputs);
+    }
+    if (is_scalar(plan.mode) && inputs.groups.size() > 1) {
+        for (std::size_t group = 0; group < inputs.groups.size(); ++group) {
+            program.set(name_in(inputs, "base", group), f(inputs.groups[group].base));
+        }
     }
     if (plan.mode == Mode::isosurface) {
         set_isosurface(program, inputs, shaded_parts(*scope.job.scene));

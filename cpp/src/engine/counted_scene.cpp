@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include <glm/geometric.hpp>
@@ -38,6 +39,8 @@ bool fills(const Field& field) {
         lattice != nullptr && lattice->lattice() == Lattice::bcc ? farthest_bcc : farthest_cartesian;
     return lattice != nullptr && !lattice->has_holes() && lattice->options().radius > farthest;
 }
+
+double sum_of(const std::vector<double>& numbers) { return std::accumulate(numbers.begin(), numbers.end(), 0.0); }
 
 TransferFunction counted_from(const TransferFunction& function, double base) {
     std::vector<TransferPoint> points = function.points();
@@ -210,11 +213,10 @@ Scene CountedFields::counted(const Scene& scene, const Camera& camera, Size size
             }
         }
     }
-    double base = 0.0;
-    for (const double own : counted.bases) {
-        base += own;
-    }
-    if (scene.mode == Mode::xray && base != 0.0) {
+    const bool from_zero = counted.ends.empty() ? sum_of(counted.bases) == 0.0
+                                                : std::all_of(counted.bases.begin(), counted.bases.end(),
+                                                              [](double base) { return base == 0.0; });
+    if (scene.mode == Mode::xray && !from_zero) {
         drawn.mode = Mode::average;
         counted.counts = true;
     }
@@ -223,8 +225,7 @@ Scene CountedFields::counted(const Scene& scene, const Camera& camera, Size size
 
 void require_one_end(const Scene& drawn) {
     const Counted& counted = *drawn.counted;
-    const bool scalar = is_scalar(drawn.mode),
-               lines = drawn.mode == Mode::isosurface && (drawn.shadows || drawn.ambient_occlusion);
+    const bool lines = drawn.mode == Mode::isosurface && (drawn.shadows || drawn.ambient_occlusion);
     const bool one_base = std::all_of(counted.bases.begin(), counted.bases.end(),
                                       [&](double base) { return base == counted.bases.front(); });
     if (lines && !one_base) {
@@ -234,11 +235,10 @@ void require_one_end(const Scene& drawn) {
                       "give the fields one " + option_ref("base") + ", leave out " + option_ref("shadows") + " and " +
                           option_ref("ambient_occlusion") + ", or use " + option_ref("backend", "reference")});
     }
-    if (!counted.ends.empty() && (scalar || lines)) {
+    if (!counted.ends.empty() && lines) {
         throw Unsupported(
             Complaint{"volumes that end in different places cannot be drawn together in this way",
-                      scalar ? "sums of scalars"
-                             : option_ref("shadows") + " or " + option_ref("ambient_occlusion") + " of isosurfaces",
+                      option_ref("shadows") + " or " + option_ref("ambient_occlusion") + " of isosurfaces",
                       "volumes with one boundary",
                       "pass " + option_ref("boundary", "zero") + ", or use " + option_ref("backend", "reference")});
     }
@@ -267,11 +267,9 @@ std::vector<std::shared_ptr<const Field>> CountedFields::keep(const std::vector<
 }
 
 void add_bases(const Scene& drawn, const Scene& asked, const Camera& camera, Image& image) {
-    double base = 0.0;
-    for (const double own : drawn.counted->bases) {
-        base += own;
-    }
-    if (base == 0.0 || !is_scalar(asked.mode)) {
+    // (Groups that end in different places have theirs already.)
+    const double base = drawn.counted->ends.empty() ? sum_of(drawn.counted->bases) : 0.0;
+    if ((base == 0.0 && !drawn.counted->counts) || !is_scalar(asked.mode)) {
         return;
     }
     const Size size = image.size;

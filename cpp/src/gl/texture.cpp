@@ -84,10 +84,15 @@ std::size_t Texture::bytes() const {
 
 void Texture::upload(GLenum format, GLenum type, const void* pixels) const {
     const Api& gl = handle_.api();
-    bind_for_work(gl, GL_TEXTURE_2D, name());
+    const GLenum target = target_of(layers_);
+    bind_for_work(gl, target, name());
     gl.BindBuffer(GL_PIXEL_UNPACK_BUFFER, 0);
     gl.PixelStorei(GL_UNPACK_ALIGNMENT, 1);
-    gl.TexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width_, height_, format, type, pixels);
+    if (layers_ > 0) {
+        gl.TexSubImage3D(target, 0, 0, 0, 0, width_, height_, layers_, format, type, pixels);
+    } else {
+        gl.TexSubImage2D(target, 0, 0, 0, width_, height_, format, type, pixels);
+    }
     check_errors(gl, "filling a texture");
 }
 

@@ -435,12 +435,18 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
     }
 }
 
-void check_parts(const Scene& scene) {
-    const std::size_t groups = groups_drawn(scene).size();
-    if (scene.counted && !scene.counted->ends.empty()) {
-        refuse_scene("volumes with transfer functions of their own that end in different places",
-                     "volumes with one boundary",
-                     "pass " + option_ref("boundary", "zero") + ", or use " + option_ref("backend", "cpu"));
+void check_parts(const Scene& scene, const DrawPlan& plan) {
+    const std::vector<Group> all = groups_drawn(scene);
+    const std::size_t groups = all.size();
+    for (const Group& group : plan.coverage ? all : std::vector<Group>{}) {
+        for (std::size_t field = group.first; field < group.last && group.last - group.first > 1; ++field) {
+            if (scene.fields[field]->least_weight() > 0.0) {
+                // Its sheets hold one sum of weights, which cannot tell that each of the fields is empty.
+                refuse_scene("the output coverage of fields that add up, where samples of one are missing",
+                             "fields without missing samples, or one field",
+                             "leave out the output, or use " + option_ref("backend", "cpu"));
+            }
+        }
     }
     if (groups > most_groups) {
         refuse_scene(std::to_string(groups) + " transfer functions", "at most " + std::to_string(most_groups),

@@ -17,7 +17,7 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                      const Capabilities& capabilities, DrawPlan& plan);
 
 /// Throws Unsupported for more transfer functions or surfaces than the shading program has room for.
-void check_parts(const Scene& scene);
+void check_parts(const Scene& scene, const DrawPlan& plan);
 
 /// Throws Unsupported for more lights than shaders and buffers hold.
 void check_lights(const Scene& scene, const Capabilities& capabilities, const DrawPlan& plan);

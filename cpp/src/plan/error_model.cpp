@@ -274,7 +274,7 @@ bool shows_between_zeros(const Scene& scene, const SumFacts& sums, const DrawPla
 
 bool intervals_may_be_empty(const Scene& scene, const SumFacts& sums, const DrawPlan& plan) {
     return plan.mode == Mode::composite && plan.preintegration &&
-           (plan.cuts() || shows_between_zeros(scene, sums, plan));
+           (plan.cuts() || (scene.counted && !scene.counted->ends.empty()) || shows_between_zeros(scene, sums, plan));
 }
 
 double sum_noise(Precision precision, bool truncates, double crowd) {

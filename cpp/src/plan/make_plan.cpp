@@ -336,7 +336,11 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     plan.mode = scene.mode;
     const std::vector<Group> groups = groups_drawn(scene);
     plan.value_unit = unit_of_values(scene, view, groups.front());
-    if (groups.size() > 1) {
+    if (is_scalar(scene.mode)) {
+        for (const Group& group : groups) {
+            plan.value_unit = std::max(plan.value_unit, unit_of_values(scene, view, group));
+        }
+    } else if (groups.size() > 1) {
         for (const Group& group : groups) {
             plan.field_units.insert(plan.field_units.end(), group.last - group.first,
                                     unit_of_values(scene, view, group));
@@ -390,7 +394,8 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     const bool counted = counts_weighted_slices(scene.mode);
     const bool filled = scene.counted && scene.counted->filled;
     // (Backend gl passes over pixels that no kernel touches, which count too: it draws all kernels for their weights.)
-    const bool places_tell = backend == Backend::cpu && !filtering && places_tell_reach(scene);
+    const bool places_tell =
+        backend == Backend::cpu && !filtering && places_tell_reach(scene) && (!scalar || adds_all_fields(scene));
     const bool by_place = counted && places_tell;
     const bool weight = threshold || outputs.coverage || plan.empty_test || (counted && !by_place);
     plan.weight =

@@ -251,7 +251,7 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
                        is_composited(scene.mode);
     plan.read_image = plan.compensated || plan.stop || scene.mode == Mode::isosurface || is_scalar(scene.mode) ||
                       plan.depth || plan.coverage;
-    check_parts(scene);
+    check_parts(scene, plan);
     check_lights(scene, capabilities, plan);
     if (!options.allow_inexact) {
         effects.refuse_dropped();

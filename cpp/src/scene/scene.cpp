@@ -193,9 +193,13 @@ std::vector<Group> Scene::groups() const {
     return all;
 }
 
+bool adds_all_fields(const Scene& scene) {
+    return is_scalar(scene.mode) && !(scene.counted && !scene.counted->ends.empty());
+}
+
 std::vector<Group> groups_drawn(const Scene& scene) {
-    return is_scalar(scene.mode) ? std::vector<Group>{{0, scene.fields.size(), &scene.transfer_function}}
-                                 : scene.groups();
+    return adds_all_fields(scene) ? std::vector<Group>{{0, scene.fields.size(), &scene.transfer_function}}
+                                  : scene.groups();
 }
 
 bool has_window_of_one_value(const Group& group) {
@@ -227,7 +231,7 @@ double weakest_difference(const Scene& scene, const Group& group) {
 }
 
 std::size_t group_drawn_of(const Scene& scene, std::size_t field) {
-    if (is_scalar(scene.mode)) {
+    if (adds_all_fields(scene)) {
         return 0;
     }
     const auto begins_behind = [field](const Scene::LaterGroup& group) { return group.first_field > field; };

@@ -32,13 +32,21 @@ std::int32_t SlicesInFront::last(int column, int row) const {
 }
 
 KeptSlices::KeptSlices(const Scene& scene, const DrawPlan& plan, const Camera& camera, const Frame& frame)
+    : KeptSlices(plan.clip ? &scene.clip : nullptr,
+                 plan.depth_limit && scene.depth_limit ? &*scene.depth_limit : nullptr, plan, camera, frame) {}
+
+KeptSlices::KeptSlices(const Clip& clip, const DrawPlan& plan, const Camera& camera, const Frame& frame)
+    : KeptSlices(&clip, nullptr, plan, camera, frame) {}
+
+KeptSlices::KeptSlices(const Clip* clip, const DepthLimit* limit, const DrawPlan& plan, const Camera& camera,
+                       const Frame& frame)
     : axis_x_(frame.axis_x), axis_y_(frame.axis_y), pixel_(frame.pixel), lowest_(-rounding * frame.slice_spacing),
       least_(uses_intervals(plan.mode, plan.preintegration) ? -no_end : 0.0),
       most_(uses_intervals(plan.mode, plan.preintegration) ? no_end : static_cast<double>(frame.slices - 1)),
-      in_front_(plan.depth_limit && scene.depth_limit ? &*scene.depth_limit : nullptr, frame) {
+      in_front_(limit, frame) {
     const double spacing = frame.slice_spacing;
     const double depth = frame.first_depth;
-    for (const Clip::Plane& given : plan.clip ? scene.clip.half_spaces() : std::vector<Clip::Plane>{}) {
+    for (const Clip::Plane& given : clip != nullptr ? clip->half_spaces() : std::vector<Clip::Plane>{}) {
         // Scaled first: squares of components can leave float64 where the components do not.
         const double scale = std::max({std::abs(given.normal.x), std::abs(given.normal.y), std::abs(given.normal.z)});
         const Vec3 scaled = given.normal / scale;

@@ -64,6 +64,9 @@ ShadingInputs make_shading_inputs(const Scene& scene, const Camera& camera, cons
         const std::vector<IsoValue> iso_values =
             is_scalar(plan.mode) ? std::vector<IsoValue>{} : iso_values_of(scene, inputs.groups.size());
         inputs.groups.push_back(inputs_of(scene, group, frame, plan, pivot, iso_values));
+        if (is_scalar(plan.mode) && !adds_all_fields(scene)) {
+            inputs.groups.back().base = scene.counted->bases[inputs.groups.size() - 1] / plan.value_unit;
+        }
     }
     inputs.material = scene.material;
     inputs.material.shininess = std::min(inputs.material.shininess, largest_factor);

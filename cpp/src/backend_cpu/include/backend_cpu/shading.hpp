@@ -40,7 +40,7 @@ struct GroupShading {
     SurfaceTable<T> surface_table;           ///< of these
     double weakest_gradient = 0.0;           ///< g0
     double full_gradient = 1.0;              ///< g1
-    T least_weight = 0;                      ///< ShadingInputs::OfGroup
+    T least_weight = 0, base = 0;            ///< ShadingInputs::OfGroup
     std::vector<KeptHalfSpace> kept;         ///< where its fields end, if other groups' do not end there
 };
 

@@ -69,7 +69,7 @@ class Texture {
     [[nodiscard]] std::size_t bytes() const;
     /// Layers of an array; 0: the texture is none.
     [[nodiscard]] int layers() const { return layers_; }
-    /// Replaces all of a texture that is no array. format and type are those of glTexSubImage2D.
+    /// Replaces all of a texture, of an array all layers. format and type are those of glTexSubImage2D.
     void upload(GLenum format, GLenum type, const void* pixels) const;
     /// Binds it to GL_TEXTURE0 + unit.
     void bind(int unit) const;

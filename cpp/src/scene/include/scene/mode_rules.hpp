@@ -45,8 +45,9 @@ constexpr bool uses_intervals(Mode mode, bool preintegration) {
     return mode == Mode::isosurface || (is_composited(mode) && preintegration);
 }
 
-/// The groups whose scalars are classified apart: the scene's, in scalar modes one of all fields. Valid while the scene
-/// is.
+/// The scalars of all groups add up, wherever their points are: in scalar modes where fields end in one place.
+bool adds_all_fields(const Scene& scene);
+/// The groups whose scalars are classified, or end, apart: the scene's, or one of all fields. Valid while the scene is.
 std::vector<Group> groups_drawn(const Scene& scene);
 /// Which of groups_drawn a field belongs to.
 std::size_t group_drawn_of(const Scene& scene, std::size_t field);

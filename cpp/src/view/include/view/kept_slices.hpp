@@ -62,11 +62,16 @@ class KeptSlices {
   public:
     /// The plan says whether clip and depth limit are on. Refers to the scene.
     KeptSlices(const Scene& scene, const DrawPlan& plan, const Camera& camera, const Frame& frame);
+    /// What a clip alone leaves, such as the end of a field.
+    KeptSlices(const Clip& clip, const DrawPlan& plan, const Camera& camera, const Frame& frame);
 
     /// Of a pixel of the picture, or beyond its edges.
     [[nodiscard]] SliceRun at(int column, int row) const;
 
   private:
+    KeptSlices(const Clip* clip, const DepthLimit* limit, const DrawPlan& plan, const Camera& camera,
+               const Frame& frame);
+
     /// Height over a plane at slice m: start + m step, each of them constant + x across + y up at the pixel's place.
     struct Height {
         double constant, across, up;

@@ -43,6 +43,7 @@ struct ShadingInputs {
         double full_gradient = 1.0;    ///< g1
         /// Of a group of one field: points with a smaller W are empty. 0: those that no kernel reaches.
         double least_weight = 0.0;
+        double base = 0.0; ///< of groups that end in different places, in scalar modes
     };
     std::vector<OfGroup> groups;
 

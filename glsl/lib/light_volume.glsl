@@ -49,7 +49,8 @@ float ambient_left(vec3 spot) { return 1.0 - occlusion * (1.0 - number_at(VOLUME
 
 // Lines through grids of rho, a grid for each group of fields, which lose light where rho crosses an iso value from one step to the
 // next (view/surface_lines.hpp).
-uniform vec3 caster[CASTERS]; // iso value in the sheets' unit, -log2(1 - opacity), 0
+// The arrays are those of one group after the other.
+uniform vec3 caster[VOLUMES * CASTERS]; // iso value in the sheets' unit, -log2(1 - opacity), 0
 uniform float caster_opaque;   // where absorptions add up to this much nothing is left
 #ifdef SHADOWS
 uniform vec3 light_step[LIGHTS]; // a slice distance towards a light, in elements
@@ -59,13 +60,13 @@ uniform vec3 around_step[AROUND]; // and in each direction of ambient occlusion
 uniform float around_steps;
 #endif
 #ifdef KEPT
-uniform vec3 kept_normal[KEPT]; // half spaces: dot(normal, place) + distance.x >= 0
-uniform vec3 kept_distance[KEPT];
+uniform vec3 kept_normal[VOLUMES * KEPT]; // half spaces: dot(normal, place) + distance.x >= 0
+uniform vec3 kept_distance[VOLUMES * KEPT];
 #endif
 
-float absorbed_below(float rho) {
+float absorbed_below(int group, float rho) {
     float sum = 0.0;
-    for (int i = 0; i < CASTERS; ++i) {
+    for (int i = group * CASTERS; i < (group + 1) * CASTERS; ++i) {
         sum += rho >= caster[i].x ? caster[i].y : 0.0;
     }
     return sum;
@@ -73,27 +74,34 @@ float absorbed_below(float rho) {
 
 // Light that comes along a line through points 1 to `steps`, as far as the line is in the grid and kept.
 float left_along(vec3 place, vec3 step_, float steps) {
-    float last = 1e6;
+    float end = 1e6;
     for (int axis = 0; axis < 3; ++axis) {
         if (step_[axis] != 0.0) {
-            last = min(last, ((step_[axis] > 0.0 ? volume_last[0][axis] : 0.0) - place[axis]) / step_[axis]);
+            end = min(end, ((step_[axis] > 0.0 ? volume_last[0][axis] : 0.0) - place[axis]) / step_[axis]);
         }
     }
-    last = min(floor(last) + 1.0, steps);
-#ifdef KEPT
-    for (int i = 0; i < KEPT; ++i) {
-        float nearer = -dot(kept_normal[i], step_);
-        if (nearer > 1e-6) {
-            last = min(last, floor((dot(kept_normal[i], place) + kept_distance[i].x) / nearer));
-        }
-    }
-#endif
+    end = min(floor(end) + 1.0, steps);
     float absorbed = 0.0;
     for (int group = 0; group < VOLUMES; ++group) {
+        float first = 1.0;
+        float last = end;
+#ifdef KEPT
+        for (int i = group * KEPT; i < (group + 1) * KEPT; ++i) {
+            float rise = dot(kept_normal[i], step_);
+            float height = dot(kept_normal[i], place) + kept_distance[i].x;
+            if (rise > 1e-6) {
+                first = max(first, ceil(-height / rise));
+            } else if (rise < -1e-6) {
+                last = min(last, floor(-height / rise));
+            } else if (height < 0.0) {
+                last = 0.0;
+            }
+        }
+#endif
         float before = 0.0;
-        for (float point = 1.0; point <= last && absorbed < caster_opaque; point += 1.0) {
-            float here = absorbed_below(number_at(group, place + point * step_));
-            absorbed += point > 1.0 ? abs(here - before) : 0.0;
+        for (float point = first; point <= last && absorbed < caster_opaque; point += 1.0) {
+            float here = absorbed_below(group, number_at(group, place + point * step_));
+            absorbed += point > first ? abs(here - before) : 0.0;
             before = here;
         }
     }

@@ -105,6 +105,21 @@ def test_volumes_that_stick_out(mode: str, look: dict[str, Any], backend: str, r
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("mode", ["composite", "isosurface"])
+def test_volumes_that_stick_out_shade_each_other(mode: str, backend: str, reference_renderer: ss.Renderer) -> None:
+    light = ss.Light((1, 1, 2), space="world")
+    scene = two_volumes(mode, lights=[light], shadows=True, ambient_occlusion=ss.AmbientOcclusion(0.5, 0.8))
+    camera = ss.Camera.perspective((1.5, 1.2, 4.0), (0.2, 0.0, 0.2), fov_y=40)
+    expected = reference_renderer.render(scene, camera, size=(24, 20))
+    image = ss.Renderer(backend=backend).render(scene, camera, size=(24, 20))
+    owed = np.hypot(*(part for cause, part in image.error.budget.items() if "shadows" in cause or "occlusion" in cause))
+    assert distance(expected.pixels, image.pixels) < max(1e-4, 2 * owed)
+    bright = reference_renderer.render(scene.replace(shadows=False), camera, size=(24, 20))
+    assert distance(expected.pixels, bright.pixels) > 5e-3
+    assert mode == "composite" or distance(expected.pixels, image.pixels) < 1e-3
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("apart", [False, True])
 def test_coverage_counts_the_weights_beside_holes(apart: bool, backend: str, reference_renderer: ss.Renderer) -> None:
     rng = np.random.default_rng(0)

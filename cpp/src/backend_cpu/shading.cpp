@@ -113,21 +113,22 @@ SurfaceLight<T> surface_light_of(const Scene& scene, const Camera& camera, const
     const SurfaceLines lines = make_surface_lines(scene, camera, grid, frame.slice_spacing, plan.value_unit);
     SurfaceLight<T> light;
     light.place = lookup_of(grid, camera, frame);
-    for (const auto& group : volumes.groups) {
-        light.groups.push_back(group.get());
-    }
-    for (const SurfaceLines::Surface& surface : lines.surfaces) {
-        light.surfaces.push_back({number<T>(surface.value), static_cast<T>(surface.absorption)});
+    for (std::size_t number_of = 0; number_of < volumes.groups.size(); ++number_of) {
+        typename SurfaceLight<T>::Group& group = light.groups.emplace_back();
+        group.rho = volumes.groups[number_of].get();
+        for (const SurfaceLines::Surface& surface : lines.surfaces[number_of]) {
+            group.surfaces.push_back({number<T>(surface.value), static_cast<T>(surface.absorption)});
+        }
+        for (const SurfaceLines::Kept& half : lines.kept[number_of]) {
+            group.kept.push_back({{number<T>(half.normal.x), number<T>(half.normal.y), number<T>(half.normal.z)},
+                                  number<T>(half.distance)});
+        }
     }
     const auto line = [](const Vec3& step) {
         return typename SurfaceLight<T>::Line{{static_cast<T>(step.x), static_cast<T>(step.y), static_cast<T>(step.z)}};
     };
     std::transform(lines.to_lights.begin(), lines.to_lights.end(), std::back_inserter(light.to_lights), line);
     std::transform(lines.around.begin(), lines.around.end(), std::back_inserter(light.around), line);
-    for (const SurfaceLines::Kept& half : lines.kept) {
-        light.kept.push_back(
-            {{number<T>(half.normal.x), number<T>(half.normal.y), number<T>(half.normal.z)}, number<T>(half.distance)});
-    }
     light.around_steps = static_cast<T>(lines.around_steps);
     return light;
 }

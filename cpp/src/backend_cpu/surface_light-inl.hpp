@@ -25,9 +25,9 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 /// b(rho) of view/surface_lines.
 template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
-HWY_INLINE V absorbed_below(D d, const SurfaceLight<T>& light, V rho) {
+HWY_INLINE V absorbed_below(D d, const typename SurfaceLight<T>::Group& group, V rho) {
     V sum = hn::Zero(d);
-    for (const auto& surface : light.surfaces) {
+    for (const auto& surface : group.surfaces) {
         const V absorption = hn::Set(d, surface.absorption);
         sum = hn::Add(sum, hn::IfThenElseZero(hn::Ge(rho, hn::Set(d, surface.value)), absorption));
     }
@@ -38,32 +38,46 @@ HWY_INLINE V absorbed_below(D d, const SurfaceLight<T>& light, V rho) {
 template <class T>
 constexpr T farthest_step = T(1e6);
 
-/// SurfaceLines::last_step of a vector of lines, at most `steps`. place, step: in elements.
+/// SurfaceLines::last_step_in_grid of a vector of lines, at most `steps`. place, step: in elements.
 template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
 HWY_INLINE V last_step(D d, const SurfaceLight<T>& light, const V (&place)[3], const V (&step)[3], T steps) {
     const V zero = hn::Zero(d), one = hn::Set(d, T(1)), farthest = hn::Set(d, farthest_step<T>);
     V last = farthest;
     for (std::size_t axis = 0; axis < 3; ++axis) {
         const auto moves = hn::Ne(step[axis], zero);
-        const V end = hn::Set(d, static_cast<T>(light.groups.front()->counts[axis] - 1));
+        const V end = hn::Set(d, static_cast<T>(light.groups.front().rho->counts[axis] - 1));
         const V face = hn::IfThenElseZero(hn::Gt(step[axis], zero), end);
         const V way = hn::Div(hn::Sub(face, place[axis]), hn::IfThenElse(moves, step[axis], one));
         last = hn::Min(last, hn::IfThenElse(moves, way, farthest));
     }
-    last = hn::Min(hn::Add(hn::Floor(last), one), hn::Set(d, steps));
-    for (const auto& half : light.kept) {
-        V nearer = zero, above = hn::Set(d, half.distance);
-        for (std::size_t axis = 0; axis < 3; ++axis) {
-            const V normal = hn::Set(d, half.normal[axis]);
-            nearer = hn::NegMulAdd(normal, step[axis], nearer);
-            above = hn::MulAdd(normal, place[axis], above);
-        }
-        const auto comes_near = hn::Gt(nearer, hn::Set(d, T(1e-6)));
-        const V kept = hn::Floor(hn::Div(above, hn::IfThenElse(comes_near, nearer, one)));
-        last = hn::Min(last, hn::IfThenElse(comes_near, kept, farthest));
-    }
-    return last;
+    return hn::Min(hn::Add(hn::Floor(last), one), hn::Set(d, steps));
 }
+
+/// SurfaceLines::run_kept of a vector of lines, as far as `last`.
+template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+struct RunKept {
+    V first, last;
+
+    HWY_INLINE RunKept(D d, const typename SurfaceLight<T>::Group& group, const V (&place)[3], const V (&step)[3],
+                       V end)
+        : first(hn::Set(d, T(1))), last(end) {
+        const V zero = hn::Zero(d), one = hn::Set(d, T(1)), level = hn::Set(d, T(1e-6));
+        for (const auto& half : group.kept) {
+            V rise = zero, height = hn::Set(d, half.distance);
+            for (std::size_t axis = 0; axis < 3; ++axis) {
+                const V normal = hn::Set(d, half.normal[axis]);
+                rise = hn::MulAdd(normal, step[axis], rise);
+                height = hn::MulAdd(normal, place[axis], height);
+            }
+            const auto rises = hn::Gt(rise, level), falls = hn::Lt(rise, hn::Neg(level));
+            const V meets = hn::Div(height, hn::IfThenElse(hn::Or(rises, falls), hn::Neg(rise), one));
+            first = hn::IfThenElse(rises, hn::Max(first, hn::Ceil(meets)), first);
+            last = hn::IfThenElse(falls, hn::Min(last, hn::Floor(meets)), last);
+            const auto outside = hn::AndNot(hn::Or(rises, falls), hn::Lt(height, zero));
+            last = hn::IfThenElse(outside, zero, last);
+        }
+    }
+};
 
 /// What is left of light whose absorptions add up to `absorbed`.
 template <class D, class V = hn::Vec<D>>
@@ -73,25 +87,25 @@ HWY_INLINE V left_of_absorbed(D d, V absorbed) {
     return hn::IfThenElseZero(hn::Lt(absorbed, opaque), left);
 }
 
-/// What is left of light that comes along lines through points 1 to `last`, a line a lane.
+/// What is left of light that comes along lines through points 1 to `end`, a line a lane.
 template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
-HWY_INLINE V left_along(D d, const SurfaceLight<T>& light, const V (&place)[3], const V (&step)[3], V last) {
+HWY_INLINE V left_along(D d, const SurfaceLight<T>& light, const V (&place)[3], const V (&step)[3], V end) {
     const V opaque = hn::Set(d, static_cast<T>(SurfaceLines::opaque));
     V absorbed = hn::Zero(d);
-    for (const LightVolume* group : light.groups) {
+    for (const auto& group : light.groups) {
+        const RunKept<D> run(d, group, place, step, end);
         V before = hn::Zero(d);
         for (T point = T(1);; point += T(1)) {
             const V at = hn::Set(d, point);
-            const auto reached = hn::And(hn::Ge(last, at), hn::Lt(absorbed, opaque));
-            if (hn::AllFalse(d, reached)) {
+            const auto open = hn::And(hn::Ge(run.last, at), hn::Lt(absorbed, opaque));
+            if (hn::AllFalse(d, open)) {
                 break;
             }
             const V here[3] = {hn::MulAdd(at, step[0], place[0]), hn::MulAdd(at, step[1], place[1]),
                                hn::MulAdd(at, step[2], place[2])};
-            const V below = absorbed_below(d, light, look_up(d, *group, here));
-            if (point > T(1)) {
-                absorbed = hn::Add(absorbed, hn::IfThenElseZero(reached, hn::Abs(hn::Sub(below, before))));
-            }
+            const V below = absorbed_below(d, group, look_up(d, *group.rho, here));
+            const auto crossing = hn::And(open, hn::Gt(at, run.first));
+            absorbed = hn::Add(absorbed, hn::IfThenElseZero(crossing, hn::Abs(hn::Sub(below, before))));
             before = below;
         }
     }
@@ -106,20 +120,21 @@ HWY_INLINE T left_along_one(D d, const SurfaceLight<T>& light, const T (&from)[3
     constexpr T opaque = static_cast<T>(SurfaceLines::opaque);
     const V place[3] = {hn::Set(d, from[0]), hn::Set(d, from[1]), hn::Set(d, from[2])};
     const V step[3] = {hn::Set(d, line.step[0]), hn::Set(d, line.step[1]), hn::Set(d, line.step[2])};
-    const V last = last_step(d, light, place, step, steps);
-    const T end = hn::GetLane(last);
+    const V end = last_step(d, light, place, step, steps);
     T absorbed = T(0);
-    for (const LightVolume* group : light.groups) {
+    for (const auto& group : light.groups) {
+        const RunKept<D> run(d, group, place, step, end);
+        const T start = hn::GetLane(run.first), last = hn::GetLane(run.last);
         T below[lanes + 1] = {}; // Of the point before the first lane, and of the lanes.
-        for (T first = T(1); first <= end && absorbed < opaque; first += static_cast<T>(lanes)) {
+        for (T first = start; first <= last && absorbed < opaque; first += static_cast<T>(lanes)) {
             const V at = hn::Iota(d, first);
             const V here[3] = {hn::MulAdd(at, step[0], place[0]), hn::MulAdd(at, step[1], place[1]),
                                hn::MulAdd(at, step[2], place[2])};
-            const V own = absorbed_below(d, light, look_up(d, *group, here));
-            below[0] = first > T(1) ? below[lanes] : hn::GetLane(own);
+            const V own = absorbed_below(d, group, look_up(d, *group.rho, here));
+            below[0] = first > start ? below[lanes] : hn::GetLane(own);
             hn::StoreU(own, d, below + 1);
             const V change = hn::Abs(hn::Sub(own, hn::LoadU(d, below)));
-            absorbed += hn::GetLane(hn::SumOfLanes(d, hn::IfThenElseZero(hn::Le(at, last), change)));
+            absorbed += hn::GetLane(hn::SumOfLanes(d, hn::IfThenElseZero(hn::Le(at, run.last), change)));
         }
     }
     return hn::GetLane(left_of_absorbed(d, hn::Set(d, absorbed)));

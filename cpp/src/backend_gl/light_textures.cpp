@@ -91,8 +91,21 @@ void LightTextures::set_lines(const gl::Program& program, const Scene& scene, co
     const auto append = [](std::vector<float>& to, const Vec3& vector) {
         to.insert(to.end(), {static_cast<float>(vector.x), static_cast<float>(vector.y), static_cast<float>(vector.z)});
     };
-    for (const SurfaceLines::Surface& one : lines.surfaces) {
-        append(surfaces, Vec3(one.value, one.absorption, 0.0));
+    std::size_t most = 0;
+    for (const auto& of_group : lines.kept) {
+        most = std::max(most, of_group.size());
+    }
+    for (std::size_t group = 0; group < lines.surfaces.size(); ++group) {
+        for (const SurfaceLines::Surface& one : lines.surfaces[group]) {
+            append(surfaces, Vec3(one.value, one.absorption, 0.0));
+        }
+        // (Groups without an end of their own get half spaces that hold everything.)
+        std::vector<SurfaceLines::Kept> kept = lines.kept[group];
+        kept.resize(most, {Vec3(0.0), 1.0});
+        for (const SurfaceLines::Kept& half : kept) {
+            append(normals, half.normal);
+            append(distances, Vec3(half.distance, 0.0, 0.0));
+        }
     }
     for (const Vec3& step : lines.to_lights) {
         append(lights, step);
@@ -100,17 +113,13 @@ void LightTextures::set_lines(const gl::Program& program, const Scene& scene, co
     for (const Vec3& step : lines.around) {
         append(around, step);
     }
-    for (const SurfaceLines::Kept& half : lines.kept) {
-        append(normals, half.normal);
-        append(distances, Vec3(half.distance, 0.0, 0.0));
-    }
-    program.set_array3("caster", surfaces.data(), static_cast<int>(lines.surfaces.size()));
+    program.set_array3("caster", surfaces.data(), static_cast<int>(surfaces.size() / 3));
     program.set("caster_opaque", static_cast<float>(SurfaceLines::opaque));
     program.set_array3("light_step", lights.data(), static_cast<int>(lines.to_lights.size()));
     program.set_array3("around_step", around.data(), static_cast<int>(lines.around.size()));
     program.set("around_steps", static_cast<float>(lines.around_steps));
-    program.set_array3("kept_normal", normals.data(), static_cast<int>(lines.kept.size()));
-    program.set_array3("kept_distance", distances.data(), static_cast<int>(lines.kept.size()));
+    program.set_array3("kept_normal", normals.data(), static_cast<int>(normals.size() / 3));
+    program.set_array3("kept_distance", distances.data(), static_cast<int>(distances.size() / 3));
 }
 
 } // namespace sheetsplat::backend_gl

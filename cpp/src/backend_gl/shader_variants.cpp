@@ -1,6 +1,7 @@
 #include "shader_variants.hpp"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "backend_gl/gl_renderer.hpp"
@@ -198,7 +199,11 @@ LineCounts line_counts(const DrawPlan& plan, const Scene& scene) {
     }
     const auto shown = std::count_if(scene.iso_values.begin(), scene.iso_values.end(),
                                      [](const IsoValue& iso) { return iso.opacity > 0.0; });
-    return {scene.later_groups.size() + 1, static_cast<std::size_t>(shown), scene.clip.half_spaces().size()};
+    std::size_t of_end = 0;
+    for (const std::optional<Box>& end : scene.counted ? scene.counted->ends : std::vector<std::optional<Box>>{}) {
+        of_end = std::max(of_end, Clip{{}, end}.half_spaces().size());
+    }
+    return {scene.later_groups.size() + 1, static_cast<std::size_t>(shown), scene.clip.half_spaces().size() + of_end};
 }
 
 gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int phase, const LineCounts& lines) {

@@ -75,7 +75,7 @@ struct ShadedParts {
 ShadedParts shaded_parts(const Scene& scene);
 /// What lines towards lights meet in mode isosurface: sizes of the arrays of lib/light_volume.glsl.
 struct LineCounts {
-    std::size_t groups = 0, surfaces = 0, half_spaces = 0;
+    std::size_t groups = 0, surfaces = 0, half_spaces = 0; ///< the last two a group
 };
 LineCounts line_counts(const DrawPlan& plan, const Scene& scene);
 gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int phase, const LineCounts& lines = {});

@@ -9,7 +9,6 @@
 #include "base/checks.hpp"
 #include "base/instruction_set.hpp"
 #include "base/threads.hpp"
-#include "counted_scene.hpp"
 #include "sheetsplat/device.hpp"
 #include "sheetsplat/error.hpp"
 
@@ -106,9 +105,6 @@ std::string BackendChoice::why_first() const {
 }
 
 DrawPlan BackendChoice::plan_on(Backend backend, const Request& request, const ViewFacts& facts) {
-    if (backend != Backend::reference) {
-        require_one_end(request.scene);
-    }
     const Capabilities* capabilities = backend == Backend::gl ? &gl().capabilities() : nullptr;
     DrawPlan plan = make_plan(request.scene, facts, request.options, request.outputs, request.camera.projection(),
                               backend, capabilities);

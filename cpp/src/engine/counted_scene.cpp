@@ -12,7 +12,6 @@
 #include "facts/field_survey.hpp"
 #include "index/visible_runs.hpp"
 #include "scene/mode_rules.hpp"
-#include "sheetsplat/error.hpp"
 
 namespace sheetsplat {
 
@@ -221,27 +220,6 @@ Scene CountedFields::counted(const Scene& scene, const Camera& camera, Size size
         counted.counts = true;
     }
     return drawn;
-}
-
-void require_one_end(const Scene& drawn) {
-    const Counted& counted = *drawn.counted;
-    const bool lines = drawn.mode == Mode::isosurface && (drawn.shadows || drawn.ambient_occlusion);
-    const bool one_base = std::all_of(counted.bases.begin(), counted.bases.end(),
-                                      [&](double base) { return base == counted.bases.front(); });
-    if (lines && !one_base) {
-        throw Unsupported(
-            Complaint{"lines to lights cannot be followed between surfaces",
-                      "groups of fields whose values are counted from different bases", "one base of all groups",
-                      "give the fields one " + option_ref("base") + ", leave out " + option_ref("shadows") + " and " +
-                          option_ref("ambient_occlusion") + ", or use " + option_ref("backend", "reference")});
-    }
-    if (!counted.ends.empty() && lines) {
-        throw Unsupported(
-            Complaint{"volumes that end in different places cannot be drawn together in this way",
-                      option_ref("shadows") + " or " + option_ref("ambient_occlusion") + " of isosurfaces",
-                      "volumes with one boundary",
-                      "pass " + option_ref("boundary", "zero") + ", or use " + option_ref("backend", "reference")});
-    }
 }
 
 std::shared_ptr<const Field> CountedFields::source_of(const std::shared_ptr<const Field>& drawn) const {

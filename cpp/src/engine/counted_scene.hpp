@@ -40,9 +40,6 @@ class CountedFields {
     std::vector<std::unique_ptr<Entry>> entries_;
 };
 
-/// Throws Unsupported where fields end, or are counted from bases, that only the reference can draw together.
-void require_one_end(const Scene& drawn);
-
 /// Adds the bases to a picture's scalars, and makes an x-ray of an average. drawn: what CountedFields made of the scene
 /// that the picture was asked of.
 void add_bases(const Scene& drawn, const Scene& asked, const Camera& camera, Image& image);

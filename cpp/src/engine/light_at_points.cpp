@@ -68,8 +68,8 @@ LightAtPoints::LightAtPoints(const Request& request, const Prepared& prepared, c
         // The filter widens and lowers kernels by the view, and not as much in the grid.
         resolved_ = !plan_.filter && shows_kernels(scene_, *volumes.groups.front());
         lines_ = make_surface_lines(scene_, camera_, *volumes.groups.front(), frame_.slice_spacing, plan_.value_unit);
-        for (const auto& group : volumes.groups) {
-            sides_.push_back(sides_of(blocks(*group)));
+        for (std::size_t group = 0; group < volumes.groups.size(); ++group) {
+            sides_.push_back(sides_of(group, blocks(*volumes.groups[group])));
         }
     } else if (absorption != nullptr && shows_matter(scene_, plan_, *absorption)) {
         absorption_ = absorption;
@@ -80,13 +80,13 @@ LightAtPoints::LightAtPoints(const Request& request, const Prepared& prepared, c
     }
 }
 
-LightAtPoints::Sides LightAtPoints::sides_of(const LightBlocks& blocks) const {
+LightAtPoints::Sides LightAtPoints::sides_of(std::size_t group, const LightBlocks& blocks) const {
     Sides sides{&blocks, {}};
     for (const LightBlocks::Range& range : blocks.ranges()) {
         const auto least = static_cast<double>(range.least), greatest = static_cast<double>(range.greatest);
         const double margin = margin_of_cell * (greatest - least);
-        const double below = lines_.absorbed_below(least - margin);
-        sides.below.push_back(resolved_ && below == lines_.absorbed_below(greatest + margin) ? below : mixed);
+        const double below = lines_.absorbed_below(group, least - margin);
+        sides.below.push_back(resolved_ && below == lines_.absorbed_below(group, greatest + margin) ? below : mixed);
     }
     return sides;
 }
@@ -95,7 +95,17 @@ double LightAtPoints::side_at(std::size_t group, const Vec3& place) const {
     return sides_[group].below[sides_[group].blocks->at(place)];
 }
 
-double LightAtPoints::absorbed_below(double rho) const { return lines_.absorbed_below(rho / plan_.value_unit); }
+double LightAtPoints::absorbed_below(std::size_t group, double rho) const {
+    return lines_.absorbed_below(group, rho / plan_.value_unit);
+}
+
+bool LightAtPoints::inside_end(std::size_t group, const Vec3& world) const {
+    if (!scene_.counted || scene_.counted->ends.empty()) {
+        return true;
+    }
+    const std::optional<Box>& end = scene_.counted->ends[group];
+    return !end || glm::clamp(world, end->lower, end->upper) == world;
+}
 
 bool LightAtPoints::on_one_side(const Vec3& front, const Vec3& back) const {
     const LightVolume& grid = *volumes_.groups.front();
@@ -130,8 +140,8 @@ PointValues::Value LightAtPoints::side_of(std::size_t group, const Vec3& world) 
 PointValues::Value LightAtPoints::side_in_cell(std::size_t group, const Vec3& world,
                                                const LightVolume::Around& around) const {
     const double margin = margin_of_cell * (around.greatest - around.least);
-    const bool sure =
-        resolved_ && lines_.absorbed_below(around.least - margin) == lines_.absorbed_below(around.greatest + margin);
+    const bool sure = resolved_ && lines_.absorbed_below(group, around.least - margin) ==
+                                       lines_.absorbed_below(group, around.greatest + margin);
     return sure ? PointValues::Value{plan_.value_unit * around.number, false} : value_at(group, world);
 }
 
@@ -160,7 +170,7 @@ double LightAtPoints::light_shown(std::size_t number, const Vec3& world) const {
     if (surfaces_) {
         const LightVolume& grid = *volumes_.groups.front();
         const Vec3 place = grid.place_of(world), &step = lines_.to_lights[number];
-        return lines_.left_along(volumes_, place, step, lines_.last_step(place, step));
+        return lines_.left_along(volumes_, place, step, all_steps);
     }
     const bool drawn = number < volumes_.lights.size() && volumes_.lights[number];
     return drawn ? volumes_.lights[number]->at(world) : 1.0;
@@ -173,7 +183,7 @@ double LightAtPoints::open_shown(const Vec3& world) const {
     const Vec3 place = volumes_.groups.front()->place_of(world);
     double sum = 0.0;
     for (const Vec3& step : lines_.around) {
-        sum += lines_.left_along(volumes_, place, step, std::min(lines_.last_step(place, step), occlusion_steps_));
+        sum += lines_.left_along(volumes_, place, step, occlusion_steps_);
     }
     return sum / static_cast<double>(around_.size());
 }
@@ -198,10 +208,7 @@ PointValues::Value LightAtPoints::value_at(std::size_t group, const Vec3& world)
         const PointValues::Value one = values_[field]->at(world);
         sum = {sum.rho + one.rho, sum.empty && one.empty};
     }
-    if (scene_.counted && !scene_.counted->ends.empty()) {
-        const std::optional<Box>& end = scene_.counted->ends[group];
-        sum.empty = sum.empty || (end && glm::clamp(world, end->lower, end->upper) != world);
-    }
+    sum.empty = sum.empty || !inside_end(group, world);
     return sum;
 }
 
@@ -211,25 +218,26 @@ PointValues::Value LightAtPoints::mean_between(std::size_t group, const Vec3& fr
         const PointValues::Value one = values_[field]->mean(from, to);
         sum = {sum.rho + one.rho, sum.empty && one.empty};
     }
+    sum.empty = sum.empty || !inside_end(group, 0.5 * from + 0.5 * to);
     return sum;
 }
 
 double LightAtPoints::last_step(const Vec3& world, const Vec3& direction, const Vec3& place, const Vec3& step) const {
     // The grid has the supports as they are, of which a filter makes wider ones.
-    const double end = plan_.filter ? std::floor(within(box_, world, direction).second / frame_.slice_spacing) + 1.0
-                                    : lines_.last_step_in_grid(place, step);
-    return std::min(end, lines_.last_step_kept(place, step));
+    return plan_.filter ? std::floor(within(box_, world, direction).second / frame_.slice_spacing) + 1.0
+                        : lines_.last_step_in_grid(place, step);
 }
 
 // What a line through the grid of rho leaves of light, less what the definition leaves. rho is computed from the
 // kernels where the grid leaves open on which side of a surface a point is.
 double LightAtPoints::line_off(const Vec3& world, const Vec3& direction, const Vec3& step, double steps) const {
     const Vec3 place = volumes_.groups.front()->place_of(world);
-    const double last = std::min(last_step(world, direction, place, step), steps);
+    const double end = std::min(last_step(world, direction, place, step), steps);
     double absorbed = 0.0, drawn = 0.0;
     for (std::size_t group = 0; group < groups_.size(); ++group) {
+        const SurfaceLines::Run run = lines_.run_kept(group, place, step);
         double before = 0.0, drawn_before = 0.0;
-        for (double point = 1.0; point <= last; point += 1.0) {
+        for (double point = run.first; point <= std::min(run.last, end); point += 1.0) {
             if (absorbed >= SurfaceLines::opaque && drawn >= SurfaceLines::opaque) {
                 break;
             }
@@ -238,11 +246,11 @@ double LightAtPoints::line_off(const Vec3& world, const Vec3& direction, const V
             if (here == mixed) {
                 const LightVolume::Around around = volumes_.groups[group]->around(there);
                 const Vec3 at = world + point * frame_.slice_spacing * direction;
-                drawn_here = lines_.absorbed_below(around.number);
-                here = lines_.absorbed_below(side_in_cell(group, at, around).rho / plan_.value_unit);
+                drawn_here = lines_.absorbed_below(group, around.number);
+                here = absorbed_below(group, side_in_cell(group, at, around).rho);
             }
-            absorbed += point > 1.0 ? std::abs(here - before) : 0.0;
-            drawn += point > 1.0 ? std::abs(drawn_here - drawn_before) : 0.0;
+            absorbed += point > run.first ? std::abs(here - before) : 0.0;
+            drawn += point > run.first ? std::abs(drawn_here - drawn_before) : 0.0;
             before = here;
             drawn_before = drawn_here;
         }
@@ -260,15 +268,17 @@ double LightAtPoints::absorbed_along(const Vec3& world, const Vec3& direction, c
     const auto below = [&](std::size_t group, double point) {
         const Vec3 there = place + point * step;
         const double side = side_at(group, there);
-        return side != mixed ? side
-                             : lines_.absorbed_below(side_in_cell(group, world + point * spacing * direction,
-                                                                  volumes_.groups[group]->around(there))
-                                                         .rho /
-                                                     plan_.value_unit);
+        const Vec3 at = world + point * spacing * direction;
+        return side != mixed
+                   ? side
+                   : absorbed_below(group, side_in_cell(group, at, volumes_.groups[group]->around(there)).rho);
     };
     double absorbed = 0.0;
     for (std::size_t group = 0; group < groups_.size(); ++group) {
-        for (double point = first; point <= last && absorbed < SurfaceLines::opaque; point += 1.0) {
+        const SurfaceLines::Run run = lines_.run_kept(group, place, step);
+        const double behind = std::min(last, run.last);
+        for (double point = std::max(first, run.first + 1.0); point <= behind && absorbed < SurfaceLines::opaque;
+             point += 1.0) {
             if (holds(world + point * spacing * direction)) {
                 absorbed += std::abs(below(group, point) - below(group, point - 1.0));
             }

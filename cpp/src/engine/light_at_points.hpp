@@ -47,8 +47,10 @@ class LightAtPoints {
     [[nodiscard]] PointValues::Value mean_between(std::size_t group, const Vec3& from, const Vec3& to) const;
     /// rho at a point where it decides on which side of each surface the point is; else any value of that side.
     [[nodiscard]] PointValues::Value side_of(std::size_t group, const Vec3& world) const;
-    /// What surfaces between -infinity and rho absorb.
-    [[nodiscard]] double absorbed_below(double rho) const;
+    /// What surfaces of a group between -infinity and rho absorb.
+    [[nodiscard]] double absorbed_below(std::size_t group, double rho) const;
+    /// Whether a point lies inside of where a group's fields end, if other groups' do not end there.
+    [[nodiscard]] bool inside_end(std::size_t group, const Vec3& world) const;
     /// Whether two points lie in blocks on the same side of all surfaces.
     [[nodiscard]] bool on_one_side(const Vec3& front, const Vec3& back) const;
     /// A line in the grid of absorption: point t lies at start + t along.
@@ -85,11 +87,11 @@ class LightAtPoints {
         std::vector<double> below;
     };
 
-    [[nodiscard]] Sides sides_of(const LightBlocks& blocks) const;
+    [[nodiscard]] Sides sides_of(std::size_t group, const LightBlocks& blocks) const;
     [[nodiscard]] double side_at(std::size_t group, const Vec3& place) const;
     [[nodiscard]] PointValues::Value side_in_cell(std::size_t group, const Vec3& world,
                                                   const LightVolume::Around& around) const;
-    /// Steps to the last point that matters on a line towards light by the definition. place, step: in the grid.
+    /// Steps to the last point where there is something on a line towards light. place, step: in the grid.
     [[nodiscard]] double last_step(const Vec3& world, const Vec3& direction, const Vec3& place, const Vec3& step) const;
     [[nodiscard]] double line_off(const Vec3& world, const Vec3& direction, const Vec3& step, double steps) const;
     [[nodiscard]] double left_along(const Vec3& world, const Vec3& direction, double steps) const;

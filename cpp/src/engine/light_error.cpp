@@ -261,7 +261,12 @@ class View {
         };
         std::vector<Crossing> crossings;
         for (std::size_t group = 0; group < light_.groups().size(); ++group) {
-            if (light_.absorbed_below(values(n).rho(group)) == light_.absorbed_below(values(n + 1).rho(group))) {
+            const double rho = values(n).rho(group), behind = values(n + 1).rho(group);
+            const auto inside = [&](std::int64_t slice) {
+                return light_.inside_end(group, ray.point(frame_.depth_of(slice)));
+            };
+            if (light_.absorbed_below(group, rho) == light_.absorbed_below(group, behind) || !inside(n) ||
+                !inside(n + 1)) {
                 continue;
             }
             const double front = rho_on(ray, n, group), back = rho_on(ray, n + 1, group);

@@ -305,6 +305,9 @@ void fill(const LightGrid& grid, const Cut& cut, const Group* group, const Reque
     }
     if (group != nullptr) {
         scene.later_groups.clear(); // The fields of other groups are left out below.
+        if (scene.counted) {
+            scene.counted->ends.clear(); // Lines look beyond the end of a field.
+        }
     }
     const auto half = [](int count) { return 0.5 * (count - 1); };
     const double deep = 0.5 * static_cast<double>(cut.slices - 1) * grid.spacing;

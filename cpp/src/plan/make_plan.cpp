@@ -310,21 +310,6 @@ void plan_depth_cue(const Scene& scene, const ViewFacts& view, const SceneShows&
                                               : shows.why_nothing);
 }
 
-/// Lines to lights look for iso values, which are counted from one base for all groups.
-void refuse_several_bases(const Scene& scene, const DrawPlan& plan) {
-    if (!scene.counted || scene.mode != Mode::isosurface || !(plan.shadows || plan.ambient_occlusion)) {
-        return;
-    }
-    const std::vector<double>& bases = scene.counted->bases;
-    if (std::any_of(bases.begin(), bases.end(), [&bases](double base) { return base != bases.front(); })) {
-        throw Unsupported(Complaint{"lines to lights cannot be followed between surfaces",
-                                    "groups of fields whose values are counted from different bases",
-                                    "one base of all groups",
-                                    "give the fields one " + option_ref("base") + ", or leave out " +
-                                        option_ref("shadows") + " and " + option_ref("ambient_occlusion")});
-    }
-}
-
 } // namespace
 
 DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
@@ -495,7 +480,6 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     effects.state(EffectId::depth, outputs.depth, "asked for", "not asked for");
 
     if (backend != Backend::reference) {
-        refuse_several_bases(scene, plan);
         const auto sums = [&] { return sum_facts(scene, view, plan); };
         // (The end of an interval that the near plane removes is empty, though kernels reach it.)
         const bool told = filled && !view.frame.cut_by_near;

@@ -71,10 +71,6 @@ double occlusion_steps(const AmbientOcclusion& occlusion, double slice_spacing) 
     return std::max(1.0, std::floor(occlusion.radius / slice_spacing + 1e-6));
 }
 
-double SurfaceLines::last_step(const Vec3& place, const Vec3& step) const {
-    return std::min(last_step_in_grid(place, step), last_step_kept(place, step));
-}
-
 double SurfaceLines::last_step_in_grid(const Vec3& place, const Vec3& step) const {
     double last = std::numeric_limits<double>::max();
     for (int axis = 0; axis < 3; ++axis) {
@@ -86,20 +82,24 @@ double SurfaceLines::last_step_in_grid(const Vec3& place, const Vec3& step) cons
     return std::floor(last) + 1.0;
 }
 
-double SurfaceLines::last_step_kept(const Vec3& place, const Vec3& step) const {
-    double last = std::numeric_limits<double>::max();
-    for (const Kept& half : kept) {
-        const double nearer = -glm::dot(half.normal, step);
-        if (nearer > 0.0) {
-            last = std::min(last, std::floor((glm::dot(half.normal, place) + half.distance) / nearer));
+SurfaceLines::Run SurfaceLines::run_kept(std::size_t group, const Vec3& place, const Vec3& step) const {
+    Run run{1.0, std::numeric_limits<double>::max()};
+    for (const Kept& half : kept[group]) {
+        const double height = glm::dot(half.normal, place) + half.distance, rise = glm::dot(half.normal, step);
+        if (rise > 0.0) {
+            run.first = std::max(run.first, std::ceil(-height / rise));
+        } else if (rise < 0.0) {
+            run.last = std::min(run.last, std::floor(height / -rise));
+        } else if (height < 0.0) {
+            run.last = 0.0;
         }
     }
-    return last;
+    return run;
 }
 
-double SurfaceLines::absorbed_below(double rho) const {
+double SurfaceLines::absorbed_below(std::size_t group, double rho) const {
     double sum = 0.0;
-    for (const Surface& surface : surfaces) {
+    for (const Surface& surface : surfaces[group]) {
         sum += rho >= surface.value ? surface.absorption : 0.0;
     }
     return sum;
@@ -108,13 +108,15 @@ double SurfaceLines::absorbed_below(double rho) const {
 double SurfaceLines::left_of(double absorbed) { return absorbed < opaque ? std::exp2(-absorbed) : 0.0; }
 
 double SurfaceLines::left_along(const LightVolumes& volumes, const Vec3& place, const Vec3& step, double steps) const {
-    const double last = std::min(last_step(place, step), steps);
+    const double end = std::min(last_step_in_grid(place, step), steps);
     double absorbed = 0.0;
-    for (const auto& group : volumes.groups) {
+    for (std::size_t group = 0; group < volumes.groups.size(); ++group) {
+        const Run run = run_kept(group, place, step);
+        const double last = std::min(run.last, end);
         double before = 0.0;
-        for (double point = 1.0; point <= last && absorbed < opaque; point += 1.0) {
-            const double here = absorbed_below(group->at_place(place + point * step));
-            absorbed += point > 1.0 ? std::abs(here - before) : 0.0;
+        for (double point = run.first; point <= last && absorbed < opaque; point += 1.0) {
+            const double here = absorbed_below(group, volumes.groups[group]->at_place(place + point * step));
+            absorbed += point > run.first ? std::abs(here - before) : 0.0;
             before = here;
         }
     }
@@ -124,14 +126,28 @@ double SurfaceLines::left_along(const LightVolumes& volumes, const Vec3& place, 
 SurfaceLines make_surface_lines(const Scene& scene, const Camera& camera, const LightVolume& grid, double slice_spacing,
                                 double value_unit) {
     SurfaceLines lines;
-    for (const IsoValue& iso : iso_values_of(scene, 0)) {
-        if (iso.opacity > 0.0) {
-            const double absorption = iso.opacity < 1.0 ? -std::log1p(-iso.opacity) / std::log(2.0) : lines.opaque;
-            lines.surfaces.push_back({iso.value / value_unit, std::min(absorption, lines.opaque)});
+    for (std::size_t group = 0; group <= scene.later_groups.size(); ++group) {
+        std::vector<SurfaceLines::Surface>& surfaces = lines.surfaces.emplace_back();
+        for (const IsoValue& iso : iso_values_of(scene, group)) {
+            if (iso.opacity > 0.0) {
+                const double absorption = iso.opacity < 1.0 ? -std::log1p(-iso.opacity) / std::log(2.0) : lines.opaque;
+                surfaces.push_back({iso.value / value_unit, std::min(absorption, lines.opaque)});
+            }
+        }
+        std::stable_sort(
+            surfaces.begin(), surfaces.end(),
+            [](const SurfaceLines::Surface& a, const SurfaceLines::Surface& b) { return a.value < b.value; });
+        std::vector<SurfaceLines::Kept>& kept = lines.kept.emplace_back();
+        const auto keep = [&](const Clip& clip) {
+            for (const Clip::Plane& plane : clip.half_spaces()) {
+                kept.push_back(kept_in(grid, plane, slice_spacing));
+            }
+        };
+        keep(scene.clip);
+        if (scene.counted && !scene.counted->ends.empty()) {
+            keep({{}, scene.counted->ends[group]});
         }
     }
-    std::stable_sort(lines.surfaces.begin(), lines.surfaces.end(),
-                     [](const SurfaceLines::Surface& a, const SurfaceLines::Surface& b) { return a.value < b.value; });
     for (const Light& light : scene.lights) {
         lines.to_lights.push_back(in_elements(grid, slice_spacing * world_direction(light, camera)));
     }
@@ -140,9 +156,6 @@ SurfaceLines make_surface_lines(const Scene& scene, const Camera& camera, const 
                    [&](const Vec3& direction) { return in_elements(grid, slice_spacing * direction); });
     if (scene.ambient_occlusion) {
         lines.around_steps = static_cast<int>(std::min(occlusion_steps(*scene.ambient_occlusion, slice_spacing), 1e6));
-    }
-    for (const Clip::Plane& plane : scene.clip.half_spaces()) {
-        lines.kept.push_back(kept_in(grid, plane, slice_spacing));
     }
     lines.counts = grid.counts;
     return lines;

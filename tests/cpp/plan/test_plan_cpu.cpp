@@ -57,25 +57,6 @@ std::string refusal(const Scene& scene, const ViewFacts& view, const RendererOpt
     return "";
 }
 
-TEST(PlanOfCpu, LinesToLightsBetweenSurfacesNeedOneBase) {
-    Scene scene = lit_scene();
-    scene.fields.push_back(small_field());
-    scene.later_groups.push_back({1, scene.transfer_function});
-    scene.mode = Mode::isosurface;
-    scene.iso_values = {{0.5, 1.0}};
-    scene.shadows = true;
-    scene.counted.emplace();
-    scene.counted->bases = {0.0, 0.0};
-    EXPECT_EQ(refusal(scene, facts()), "");
-    scene.counted->bases = {0.0, 0.2};
-    EXPECT_NE(refusal(scene, facts()).find("one base of all groups"), std::string::npos);
-    // The reference follows lines through the kernels themselves.
-    EXPECT_NO_THROW(make_plan(scene, test::surveyed(scene, facts()), {}, {}, Projection::orthographic,
-                              Backend::reference, nullptr));
-    scene.shadows = false;
-    EXPECT_EQ(refusal(scene, facts()), "");
-}
-
 TEST(PlanOfCpu, HasNoWaysOfDrawingOnGl) {
     const DrawPlan plan = plan_of(lit_scene());
     EXPECT_EQ(plan.summary.backend, Backend::cpu);

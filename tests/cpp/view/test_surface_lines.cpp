@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -90,6 +91,27 @@ TEST(SurfaceLines, EndWhereAClipEndsThem) {
     scene.clip.planes = {{Vec3(-1, 0, 0), -5.0}};
     EXPECT_NEAR(left(scene, Vec3(1, 10, 10), Vec3(1, 0, 0)), 0.5, 1e-12);
     EXPECT_EQ(left(scene, Vec3(0.999, 10, 10), Vec3(1, 0, 0)), left(scene, Vec3(1, 10, 10), Vec3(1, 0, 0)));
+}
+
+TEST(SurfaceLines, CountCrossingsOfAGroupInsideOfItsEndAlone) {
+    Scene scene = scene_with({{101.0, 0.5}});
+    scene.counted.emplace();
+    scene.counted->bases = {100.0};
+    const auto left_inside = [&](double from, double to) {
+        scene.counted->ends = {Box{Vec3(from, 0, 0), Vec3(to, 20, 20)}};
+        return left(scene, Vec3(1, 10, 10), Vec3(1, 0, 0));
+    };
+    // Points at 2, 3 ...: the wall begins between 4 and 5, and ends between 8 and 9.
+    EXPECT_NEAR(left_inside(0, 20), 0.25, 1e-12);
+    EXPECT_NEAR(left_inside(0, 8.5), 0.5, 1e-12) << "the back lies outside";
+    EXPECT_NEAR(left_inside(4.5, 20), 0.5, 1e-12) << "the line enters behind the front";
+    EXPECT_NEAR(left_inside(4.0, 20), 0.25, 1e-12) << "a point on a face is inside";
+    EXPECT_EQ(left_inside(4.5, 8.5), 1.0);
+    EXPECT_EQ(left_inside(14.0, 20), 1.0);
+    scene.counted->ends = {std::nullopt};
+    EXPECT_NEAR(left(scene, Vec3(1, 10, 10), Vec3(1, 0, 0)), 0.25, 1e-12);
+    scene.counted->ends = {Box{Vec3(0, 0, 0), Vec3(20, 9, 20)}};
+    EXPECT_EQ(left(scene, Vec3(1, 10, 10), Vec3(1, 0, 0)), 1.0) << "beside the end";
 }
 
 TEST(SurfaceLines, KnowLightsAndDirections) {

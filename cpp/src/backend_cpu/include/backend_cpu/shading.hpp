@@ -66,11 +66,14 @@ struct SurfaceLight {
     struct Kept {
         T normal[3], distance; ///< dot(normal, place) + distance >= 0
     };
-    VolumeLookup place;                     ///< where pixels are in the grid
-    std::vector<const LightVolume*> groups; ///< rho; empty: volumes hold the light itself
-    std::vector<Surface> surfaces;
+    VolumeLookup place; ///< where pixels are in the grid
+    struct Group {
+        const LightVolume* rho;
+        std::vector<Surface> surfaces;
+        std::vector<Kept> kept;
+    };
+    std::vector<Group> groups; ///< empty: volumes hold the light itself
     std::vector<Line> to_lights, around;
-    std::vector<Kept> kept;
     T around_steps = T(0);
 };
 

@@ -130,6 +130,42 @@ def test_volumes_seen_from_afar_keep_their_mass(in_bricks):
     assert image.error.budget[CAUSE] >= 0.5 * abs(1 - shown(image) / values.sum(dtype=float))
 
 
+def volume(kind):
+    """Return samples that do not fall to 0 at the faces, or whose range has a middle that is far from most of them."""
+    n = 48
+    z, y, x = np.mgrid[-1 : 1 : n * 1j, -1 : 1 : n * 1j, -1 : 1 : n * 1j]
+    r2 = x * x + y * y + z * z
+    noise = np.random.default_rng(0).normal(size=r2.shape)
+    return {
+        "blob": np.exp(-12 * r2),
+        "noisy": np.exp(-12 * r2) + 1e-3 * noise,
+        "offset": 5 + np.exp(-6 * r2),
+        "bytes": np.rint(200 * np.exp(-6 * r2)).astype(np.uint8),
+        "signed": np.sin(3 * x) * np.exp(-3 * r2) + 0.2,
+    }[kind]
+
+
+@pytest.mark.parametrize(
+    ("kind", "in_bricks"),
+    [(kind, False) for kind in ("blob", "noisy", "offset", "bytes", "signed")] + [("blob", True), ("offset", True)],
+)
+def test_volumes_keep_their_mass_wherever_they_end_and_whatever_their_background(kind, in_bricks):
+    values = volume(kind)
+    data = ss.open_bricks(values, brick=32) if in_bricks else values
+    for direction in ((0, 0, -1), (0.5, 0.3, -1)):
+        camera = ss.Camera.fit(ss.RegularField(values), direction=direction)
+        for size in (16, 24, 48, 160):
+            image = ss.render(data, mode="xray", size=size, camera=camera, backend="cpu")
+            assert shown(image) == pytest.approx(values.sum(dtype=float), rel=0.01)
+    if kind == "offset":
+        with pytest.warns(ss.PictureWarning, match="volumes end where values are not 0"):
+            rough = ss.render(
+                data, mode="xray", size=16, camera=ss.Camera.fit(ss.RegularField(values)), quality="draft"
+            )
+        lost = abs(1 - shown(rough) / values.sum(dtype=float))
+        assert lost > 0.02 and rough.error.budget[CAUSE] >= 0.5 * lost
+
+
 def test_means_are_as_wide_as_their_kernels():
     """The filter would widen them: there are more samples a pixel."""
     rng = np.random.default_rng(3)

@@ -85,7 +85,7 @@ def test_one_sample_is_the_default_and_changes_nothing() -> None:
     assert one != renderer.render(scene.replace(supersampling=2), camera, SIZE)
 
 
-@pytest.mark.parametrize("value", [0, 5, -1, 2.5, True, "2", np.nan, 10**12, [2]])
+@pytest.mark.parametrize("value", [0, 17, -1, 2.5, True, "2", np.nan, 10**12, [2]])
 def test_other_numbers_are_refused(value: Any) -> None:
     with pytest.raises(ss.InvalidInput, match=r"supersampling.*a whole number") as caught:
         ss.render(np.ones((3, 3, 3)), supersampling=value, size=SIZE)
@@ -103,7 +103,7 @@ def test_the_command_line_has_it(tmp_path: Any, volume: Any) -> None:
     expected.save(tmp_path / "c.png", metadata=False)
     run("compare", picture, tmp_path / "c.png")
     assert "2 x 2 samples each" in run("plan", volume, "--supersampling", "2", *small).stdout
-    for wrong in ("0", "5", "2.5", "two"):
+    for wrong in ("0", "17", "2.5", "two"):
         told = run("render", volume, "-o", again, "--supersampling", wrong, *small, code=2)
         assert "--supersampling" in told.stderr
 

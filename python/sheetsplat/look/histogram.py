@@ -88,6 +88,12 @@ def _samples(samples: Samples) -> NDArray[np.float64]:
     return known
 
 
+def usual_value(samples: Samples) -> float:
+    """Return the median of the samples that are not missing; 0 without any."""
+    values = _samples(samples)
+    return float(np.median(values)) if values.size else 0.0
+
+
 def _between_classes(values: NDArray[np.float64]) -> float:
     """Return the threshold that splits values best into two classes (Otsu 1979)."""
     # Squares must not overflow, and the smallest numbers have bins too; scaling by a power of two is exact.

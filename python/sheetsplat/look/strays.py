@@ -18,9 +18,9 @@ from sheetsplat.errors import Words, option_ref
 from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Field, RegularField
 from sheetsplat.fields.samples import ArraySamples, Samples
 from sheetsplat.fields.trim import Trim
-from sheetsplat.look.histogram import inner_range, within_pictures
+from sheetsplat.look.histogram import inner_range, usual_value, within_pictures
 from sheetsplat.notices import warn
-from sheetsplat.options.core import COLORED
+from sheetsplat.options.core import COLORED, SUMMING
 
 Floats = NDArray[np.float64]
 
@@ -55,6 +55,8 @@ def without_strays(fields: Sequence[Field], look: Mapping[str, Any], *, framed: 
         Whether the camera is chosen by what is seen. One that is given may look at the strays.
     """
     shown = list(fields)
+    if look.get("mode") in SUMMING:
+        shown = [_counted_from_usual(one) for one in shown]
     if look.get("mode", "composite") in COLORED and not any(look.get(name) is not None for name in _IN_VALUES):
         shown = [_counted_from_most(_within(one, look.get("clim"))) for one in shown]
     if framed and look.get("slice_spacing") is None:
@@ -127,6 +129,21 @@ def _counted_from_most(field: Field) -> Field:
     if low - (high - low) <= field.base <= high + (high - low):
         return field
     return field.replace(base=0.5 * low + 0.5 * high)
+
+
+def _counted_from_usual(field: Field) -> Field:
+    """Return a volume whose values are counted from their median, where nobody gave a base and the data none.
+
+    Sums along rays have the ripple of the kernels, a share of what is counted from the base, all the way through a
+    volume: counted from the middle of the range it would be a share of the background.
+    """
+    if not isinstance(field, RegularField) or not field.size or field.boundary != "edge":
+        return field
+    low, high = field.value_range
+    as_summed = field.normalization == "none" and not field.prefilter
+    if field.given_base is not None or as_summed or field.base != 0.5 * low + 0.5 * high:
+        return field
+    return field.replace(base=usual_value(field.samples))
 
 
 def _reaches(clim: Any, limits: tuple[float, float]) -> bool:

@@ -19,6 +19,8 @@ MODES: tuple[str, ...] = get_args(Mode)
 # Modes that show colours, the one that also accumulates opacity, and those that make one number a pixel.
 COLORED = ("composite", "isosurface")
 COMPOSITE = ("composite",)
+# Modes whose pixels are sums along rays: they have the mass of what they show, or lose it between pixels and slices.
+SUMMING = ("xray", "average")
 SCALAR = tuple(mode for mode in MODES if mode not in COLORED)
 
 # Converts the value of an option, or raises InvalidInput; the first argument names the option in the message.

@@ -38,7 +38,7 @@ IsoValue = float | Sequence[tuple[float, float]]
 _MOST_LIGHTS = 4096
 _MOST_SURFACES = 256
 #: Most samples a pixel along each axis.
-MOST_SAMPLES = 4
+MOST_SAMPLES = 16
 
 
 def _lights(what: str, lights: object) -> tuple[Light, ...]:
@@ -269,8 +269,9 @@ class SamplingOptions(TypedDict, total=False):
     supersampling: Annotated[
         int,
         Option(
-            "Samples a pixel along each axis, 1 to 4. The picture is the mean of n x n samples a pixel, those of the "
-            "picture of n times the width and height, and takes up to n² times as long. 1: one sample at the centre.",
+            f"Samples a pixel along each axis, 1 to {MOST_SAMPLES}. The picture is the mean of n x n samples a pixel, "
+            "those of the picture of n times the width and height, and takes up to n² times as long. 1: one sample at "
+            "the centre.",
             default=1,
             chosen="1, or more where {quality} says so",
             check=_samples,

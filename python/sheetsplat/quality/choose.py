@@ -11,7 +11,7 @@ from sheetsplat._checks import choice
 from sheetsplat.camera import Camera
 from sheetsplat.fields import Field, RegularField
 from sheetsplat.fields.regular import PLAIN_KERNEL
-from sheetsplat.options.core import definitions
+from sheetsplat.options.core import SUMMING, definitions
 from sheetsplat.options.quality import QUALITIES
 from sheetsplat.options.scene import MOST_SAMPLES, SceneOptions
 from sheetsplat.plan import PictureQuality, QualitySetting
@@ -21,10 +21,10 @@ from sheetsplat.quality.thin import (
     LEAST_UNMET,
     LEAST_WRONG,
     MOST_MEANS,
-    SUMMING,
     coarse_lattice,
     may_be_thin,
     sampled_sums,
+    samples_for_ends,
     small_kernels,
     unmet_kernels,
 )
@@ -266,7 +266,8 @@ class Choice:
         """Return the scene with its filter, and with what was set, for the plan."""
         if not self._kept:
             scene = self._with_few_slices(self._with_slices_for_light(scene, camera, size), camera, size)
-            scene = self._filtered(self._with_samples_for_means(scene, camera, size), camera, size)
+            scene = self._with_samples_for_means(self._with_samples_for_ends(scene, camera, size), camera, size)
+            scene = self._filtered(scene, camera, size)
         return scene.with_quality(self.quality)
 
     def _with_slices_for_light(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene:
@@ -318,20 +319,31 @@ class Choice:
             return None, f"one sample a pixel: {several}, with the slices that light calls for, would take too long"
         return samples, f"{several} a pixel, for light that changes within a pixel; frames take twice as long"
 
+    def _with_samples_for_ends(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene:
+        """Return a scene with several samples a pixel where an x-ray of volumes that end would not have their mass."""
+        if "supersampling" in self._given or not self._level.filters:
+            return scene
+        count = min(samples_for_ends(scene, camera, size), MOST_SAMPLES, max(1, _MOST_FINE // max(size)))
+        if count <= scene.supersampling:
+            return scene
+        self._set_again("supersampling", count, f"{count} x {count} samples a pixel: values jump where a volume ends")
+        return scene.replace(supersampling=count)
+
     def _with_samples_for_means(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene:
         """Return a scene with several samples a pixel where sums along rays are of means finer than pixels.
 
         Means of kernels (normalisation "threshold") are as wide as their kernels, and the filter would widen them.
         """
         given = "supersampling" in self._given or self._given.get("filter") in ("ewa", "off")
-        if scene.mode not in SUMMING or given or not self._level.filters or coarse_lattice(scene, camera, size):
+        fine = fine_size(size, scene.supersampling)
+        if scene.mode not in SUMMING or given or not self._level.filters or coarse_lattice(scene, camera, fine):
             return scene
-        if sampled_sums(scene, camera, size).means <= MOST_MEANS:
+        if sampled_sums(scene, camera, fine).means <= MOST_MEANS:
             return scene
-        count, most = 1, min(MOST_SAMPLES, _MOST_FINE // max(size))
+        count, most = scene.supersampling, min(MOST_SAMPLES, _MOST_FINE // max(size))
         while count < most and sampled_sums(scene, camera, fine_size(size, count)).wrong >= LEAST_WRONG:
             count += 1
-        if count == 1:
+        if count == scene.supersampling:
             return scene
         reason = f"{count} x {count} samples a pixel: what sums along rays add up is finer than a pixel"
         self._set_again("supersampling", count, reason)

@@ -9,23 +9,28 @@ from sheetsplat.camera import Camera
 from sheetsplat.errors import option_ref
 from sheetsplat.image import ErrorEstimate
 from sheetsplat.notices import is_muted, warn
+from sheetsplat.options.core import SUMMING
 from sheetsplat.options.scene import MOST_SAMPLES
 from sheetsplat.quality.thin import (
     LEAST_LOST,
     LEAST_WRONG,
     MOST_MEANS,
-    SUMMING,
     coarse_lattice,
     lost_mass,
     sampled_sums,
+    samples_for_ends,
 )
 from sheetsplat.scene import Scene
 from sheetsplat.supersampling import fine_size
 
 #: The cause in an error's budget.
 CAUSE = "mass between pixels and slices"
+# Samples a pixel along each axis for means of kernels.
+_OF_MEANS = 4
 # Longest side, in samples, of a picture of several samples a pixel that one with fewer is compared with.
 _LONGEST = 3200
+# Pictures that lack so many times the samples across a volume that ends with a jump are warned of.
+_FEW = 2
 # From such a pixel on, in samples of a volume, sums over pixels are wrong by the waves of the data.
 _WIDE = 2.0
 
@@ -33,9 +38,15 @@ _WIDE = 2.0
 def keeping(scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene | None:
     """Return the scene that keeps the mass where a picture is expected to lose some, None elsewhere.
 
-    With the filter; where means of kernels are shown, with more samples a pixel.
+    With the filter; where means of kernels are shown, or volumes end with a jump, with more samples a pixel.
     """
-    if scene.mode not in SUMMING or scene.filter is not None or not any(one.size for one in scene.fields):
+    if scene.mode not in SUMMING or not any(one.size for one in scene.fields):
+        return None
+    count = min(MOST_SAMPLES, max(1, _LONGEST // max(size)), samples_for_ends(scene, camera, size))
+    if count > scene.supersampling:
+        ended = scene.replace(supersampling=count)
+        return keeping(ended, camera, size) or ended
+    if scene.filter is not None:
         return None
     fine = fine_size(size, scene.supersampling)
     if coarse_lattice(scene, camera, fine):
@@ -43,7 +54,7 @@ def keeping(scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene | None
     sums = sampled_sums(scene, camera, fine)
     if sums.means <= MOST_MEANS:
         return scene.replace(filter="ewa") if sums.lose_mass else None
-    count = min(MOST_SAMPLES, _LONGEST // max(size))
+    count = min(_OF_MEANS, _LONGEST // max(size))
     return scene.replace(supersampling=count) if sums.wrong >= LEAST_WRONG and count > scene.supersampling else None
 
 
@@ -76,11 +87,17 @@ def warn_of_lost(scene: Scene, camera: Camera, size: tuple[int, int]) -> None:
     if abs(lost) >= LEAST_LOST:
         share = f"{100.0 * (1.0 - lost):.3g} % of the mass of its kernels"
         warn(f"the picture shows {share}: many are smaller than a few pixels or slices; " + advice)
+    elif (count := samples_for_ends(scene, camera, size)) > _FEW * scene.supersampling:
+        warn(
+            "volumes end where values are not 0, and are few samples wide: the picture may not have their mass; "
+            + option_ref("supersampling", str(min(count, MOST_SAMPLES)))
+            + " makes it so"
+        )
     elif wide := coarse_lattice(scene, camera, fine, _WIDE):
         warn(f"{wide}: the picture may not have the mass of the volume; " + advice)
     elif sampled_sums(scene, camera, fine).means > MOST_MEANS:
         warn(
             "means of kernels smaller than a few pixels are shown: their sums may be wrong; "
-            + option_ref("supersampling", str(MOST_SAMPLES))
+            + option_ref("supersampling", str(_OF_MEANS))
             + " makes it less"
         )

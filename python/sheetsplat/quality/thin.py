@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.camera import Camera
-from sheetsplat.fields import BrickedKernels, EllipsoidField, RegularField
+from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, RegularField
 from sheetsplat.look.visible import camera_axes
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
@@ -27,8 +27,6 @@ _ALONE = 2.0
 LEAST_UNMET = 1e-3
 # What rounding makes of equal lengths.
 _EQUAL = 1.0 + 1e-6
-#: Modes whose pixels are sums along rays: they have the mass of what they show, or lose it between pixels and slices.
-SUMMING = ("xray", "average")
 #: The filter is taken in these modes where kernels of such a share of the mass are coarsely sampled, or where their
 #: mass is expected to be wrong by such a share.
 LEAST_COARSE = 1e-3
@@ -38,6 +36,11 @@ LEAST_LOST = 1e-2
 # The mass of a kernel that is coarsely sampled depends on where pixels and slices lie by at least this share: one
 # of falloff 8 whose support is three pixels wide, or as many slices long.
 _COARSE = 0.1
+# So many samples across a volume have its mass within a hundredth, wherever its faces lie between them; values at
+# faces that count, as a share of the largest.
+_ENOUGH_ACROSS = 200.0
+_JUMP = 1e-3
+_FACES = ([0, -1], (slice(None), [0, -1]), (slice(None), slice(None), [0, -1]))
 # Pixels and slices on each side of a kernel that are looked at for what it loses; larger ones lose nothing that way.
 _NEIGHBOURS = 4
 # Kernels that are looked at for it, and those whose neighbours are.
@@ -218,6 +221,37 @@ def coarse_lattice(scene: Scene, camera: Camera, size: tuple[int, int], times: f
         if scene.slice_spacing > times * distance * _EQUAL:
             return f"slices are {scene.slice_spacing / distance:.3g} samples of a volume apart"
     return ""
+
+
+def samples_for_ends(scene: Scene, camera: Camera, size: tuple[int, int]) -> int:
+    """Return how many samples a pixel along each axis an x-ray of volumes needs, whose values jump where they end.
+
+    A volume of n pixels has the mass of n + 1/2 of them or of n - 1/2, along each axis, by where its faces lie between
+    pixels. 1: one sample is enough.
+    """
+    if scene.mode != "xray":
+        return 1
+    count = 1
+    for one in scene.fields:
+        if not isinstance(one, RegularField) or not one.size or not _ends_with_a_jump(one):
+            continue
+        corners = np.array(np.meshgrid(*zip(*one.centre_bounds, strict=True))).reshape(3, -1).T
+        seen = (corners - np.asarray(camera.eye)) @ camera_axes(camera)[:2].T
+        if camera.kind == "perspective":
+            seen /= np.maximum(_depths(corners, camera), camera.near)[:, None]
+        pixels = np.ptp(seen, axis=0).min() / _pixel(camera, size)
+        count = max(count, math.ceil(_ENOUGH_ACROSS / max(float(pixels), 1.0)))
+    return count
+
+
+def _ends_with_a_jump(field: RegularField) -> bool:
+    """Return whether values are other than 0 where a volume ends; of one in bricks, whether its coarse samples are."""
+    low, high = field.value_range
+    most = _JUMP * max(abs(low), abs(high))
+    if field.boundary != "edge" or most == 0.0:
+        return False
+    values = field.samples.on_grid(field.samples.steps) if isinstance(field, BrickedField) else field.values
+    return any(bool((np.abs(values[face]) > most).any()) for face in _FACES)
 
 
 def lost_mass(scene: Scene, camera: Camera, size: tuple[int, int]) -> float:

@@ -225,22 +225,12 @@ void require_one_end(const Scene& drawn) {
     const Counted& counted = *drawn.counted;
     const bool scalar = is_scalar(drawn.mode),
                lines = drawn.mode == Mode::isosurface && (drawn.shadows || drawn.ambient_occlusion);
-    const bool one_base = std::all_of(counted.bases.begin(), counted.bases.end(),
-                                      [&](double base) { return base == counted.bases.front(); });
-    if (lines && !one_base) {
-        throw Unsupported(
-            Complaint{"lines to lights cannot be followed between surfaces",
-                      "groups of fields whose values are counted from different bases", "one base of all groups",
-                      "give the fields one " + option_ref("base") + ", leave out " + option_ref("shadows") + " and " +
-                          option_ref("ambient_occlusion") + ", or use " + option_ref("backend", "reference")});
-    }
     if (!counted.ends.empty() && (scalar || lines)) {
         throw Unsupported(
             Complaint{"volumes that end in different places cannot be drawn together in this way",
                       scalar ? "sums of scalars"
                              : option_ref("shadows") + " or " + option_ref("ambient_occlusion") + " of isosurfaces",
-                      "volumes with one boundary",
-                      "pass " + option_ref("boundary", "zero") + ", or use " + option_ref("backend", "reference")});
+                      "volumes with one boundary", "pass " + option_ref("boundary", "zero")});
     }
 }
 

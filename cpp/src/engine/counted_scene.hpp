@@ -40,7 +40,7 @@ class CountedFields {
     std::vector<std::unique_ptr<Entry>> entries_;
 };
 
-/// Throws Unsupported where fields end, or are counted from bases, that only the reference can draw together.
+/// Throws Unsupported where fields end in different places that only the reference can draw together.
 void require_one_end(const Scene& drawn);
 
 /// Adds the bases to a picture's scalars, and makes an x-ray of an average. drawn: what CountedFields made of the scene

@@ -439,8 +439,7 @@ void check_parts(const Scene& scene) {
     const std::size_t groups = groups_drawn(scene).size();
     if (scene.counted && !scene.counted->ends.empty()) {
         refuse_scene("volumes with transfer functions of their own that end in different places",
-                     "volumes with one boundary",
-                     "pass " + option_ref("boundary", "zero") + ", or use " + option_ref("backend", "cpu"));
+                     "volumes with one boundary", "pass " + option_ref("boundary", "zero"));
     }
     if (groups > most_groups) {
         refuse_scene(std::to_string(groups) + " transfer functions", "at most " + std::to_string(most_groups),

@@ -192,16 +192,21 @@ bool LightAtPoints::holds(const Vec3& world) const {
     return glm::all(glm::lessThanEqual(cell_.lower, world)) && glm::all(glm::lessThan(world, cell_.upper));
 }
 
+bool LightAtPoints::has_ended(std::size_t group, const Vec3& world) const {
+    if (!scene_.counted || scene_.counted->ends.empty()) {
+        return false;
+    }
+    const std::optional<Box>& end = scene_.counted->ends[group];
+    return end && glm::clamp(world, end->lower, end->upper) != world;
+}
+
 PointValues::Value LightAtPoints::value_at(std::size_t group, const Vec3& world) const {
     PointValues::Value sum;
     for (std::size_t field = groups_[group].first; field < groups_[group].last; ++field) {
         const PointValues::Value one = values_[field]->at(world);
         sum = {sum.rho + one.rho, sum.empty && one.empty};
     }
-    if (scene_.counted && !scene_.counted->ends.empty()) {
-        const std::optional<Box>& end = scene_.counted->ends[group];
-        sum.empty = sum.empty || (end && glm::clamp(world, end->lower, end->upper) != world);
-    }
+    sum.empty = sum.empty || has_ended(group, world);
     return sum;
 }
 
@@ -211,6 +216,7 @@ PointValues::Value LightAtPoints::mean_between(std::size_t group, const Vec3& fr
         const PointValues::Value one = values_[field]->mean(from, to);
         sum = {sum.rho + one.rho, sum.empty && one.empty};
     }
+    sum.empty = sum.empty || has_ended(group, 0.5 * (from + to));
     return sum;
 }
 

@@ -78,6 +78,9 @@ class LightAtPoints {
     [[nodiscard]] bool holds(const Vec3& world) const;
 
   private:
+    /// Whether a group's volumes end before a point.
+    [[nodiscard]] bool has_ended(std::size_t group, const Vec3& world) const;
+
     /// Blocks of a grid of rho that lie on one side of every surface: absorbed_below there; of others `mixed`.
     static constexpr double mixed = -1.0;
     struct Sides {

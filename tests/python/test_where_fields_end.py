@@ -149,6 +149,23 @@ def test_two_halves_are_the_whole(way: str, view: str, renderer: ss.Renderer) ->
     assert not distance(drawn(renderer, both | {"fields": shifted}).pixels, expected.pixels).within(FLOAT32_HARD)
 
 
+@pytest.mark.parametrize("second", ["nothing", "lattice"])
+def test_intervals_that_the_near_plane_opens_know_where_groups_end(
+    second: str, cpu_renderer: ss.Renderer, reference_renderer: ss.Renderer
+) -> None:
+    """Inside of a volume, beside another group: its first interval shows only what the second end shows."""
+    fields = [lattice(noise(10, (4, 4, 4)), 3, base=0.0), cloud(np.random.default_rng(11), 8, 4.0, 2.0, w0=0.3)]
+    if second == "lattice":
+        fields[1] = lattice(noise(11, (7, 7, 9)), 2)
+    camera = {"eye": (-0.1, -0.5, -1.1), "target": (0.1, -0.6, -1.4), "up": (0, 1, 0), "fov_y": 100.0, "near": 0.02}
+    looks: dict[str, Any] = {"preintegration": True, "slice_spacing": 0.25, "reference_length": 0.1}
+    parts = scene_parts.parts(fields, camera, lit=False, size=SIZE, **looks)
+    parts |= {"groups": [[0], [1]], "transfer": [OPAQUE, [(*point[:4], 0.0) for point in OPAQUE]]}
+    expected = drawn(reference_renderer, parts).pixels
+    assert expected[..., 3].max() > 0.3
+    assert distance(drawn(cpu_renderer, parts).pixels, expected).within(FLOAT32)
+
+
 REFUSED: dict[str, tuple[str, dict[str, Any], str]] = {
     "ends of scalars": ("cpu", {"mode": "mip"}, "sums of scalars"),
     "ends of shadows": ("cpu", {"mode": "isosurface", "iso_value": [(0.5, 1.0)], "shadows": True}, "of isosurfaces"),

@@ -14,10 +14,31 @@ import sheetsplat as ss
 from fuzz.scenes import RandomScenes
 
 EACH = 8
-# Scenes that an earlier version drew wrong: it counted coverage where volumes of other groups have ended.
-COVERED = (4000176, 4000321, 4000381)
+# Groups that end in different places: coverage was counted beyond their ends, and an interval that the near plane opens
+# showed one that has ended.
+ENDED = (4000176, 4000321, 4000381, 4006096)
 # Scenes that once were wrong: they stated too small an error of light.
-KEPT = (160, 328, 360, 621, 944, 4041, 4825, 4872, 5076, 5432, 5869, 6060, 6061, 22284, 40560, 4002646, 4002811)
+# In the last one the reference did not count slabs that meet the tails of kernels alone.
+KEPT = (
+    160,
+    328,
+    360,
+    621,
+    944,
+    4041,
+    4825,
+    4872,
+    5076,
+    5432,
+    5869,
+    6060,
+    6061,
+    22284,
+    40560,
+    4002646,
+    4002811,
+    4005162,
+)
 # A scene of many kernels of one group, whose opacities are above 0 and below 1.
 DENSE = 135
 MOST_TRIES = 12
@@ -25,7 +46,7 @@ MOST_TRIES = 12
 
 @pytest.mark.parametrize(
     "number",
-    [*range(EACH * len(KINDS)), *KEPT, *range(DRAWN_ENDS, DRAWN_ENDS + EACH * (len(KINDS) + 1)), *COVERED],
+    [*range(EACH * len(KINDS)), *KEPT, *range(DRAWN_ENDS, DRAWN_ENDS + EACH * (len(KINDS) + 1)), *ENDED],
 )
 def test_numbered_scenes_are_right_or_refused(number: int) -> None:
     kind, parts = scene_of(number)

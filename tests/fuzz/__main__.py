@@ -45,7 +45,12 @@ def _parser() -> argparse.ArgumentParser:
         help="folder, from whose state a run goes on (out/fuzz)",
     )
     add("--jobs", type=int, default=os.cpu_count() or 1, help="processes at once (as many as there are processors)")
-    add("--first", type=int, default=0, help="seed of the first case of each kind, in a new folder (0)")
+    add(
+        "--first",
+        type=int,
+        help="seed of the first case of each kind, in a new folder "
+        f"({', '.join(f'{part.name}: {part.first}' for part in PARTS.values())})",
+    )
     add("--cases", type=int, help="end after this many cases of each part, of all runs in the folder")
     add("--kind", dest="kinds", action="append", default=[], help="kind of files; may be repeated")
     add(

@@ -97,7 +97,7 @@ class Book:
     parts
         That this run has.
     first
-        Seed of the first case of each kind that the summary does not know.
+        Seed of the first case of each kind that the summary does not know; None: the part's own.
     clock
         Time of this run; from its end on no batch is given out.
     most
@@ -105,7 +105,7 @@ class Book:
     """
 
     def __init__(
-        self, folder: Path, parts: Sequence[Part], *, first: int = 0, clock: Clock, most: int | None = None
+        self, folder: Path, parts: Sequence[Part], *, first: int | None = None, clock: Clock, most: int | None = None
     ) -> None:
         self.folder, self.clock, self.most = folder, clock, most
         self._parts = {part.name: part for part in parts}
@@ -115,7 +115,7 @@ class Book:
         for part in parts:
             entry = self.entries.setdefault(part.name, Entry())
             for kind in part.kinds:
-                entry.kinds.setdefault(kind, Kind(first))
+                entry.kinds.setdefault(kind, Kind(part.first if first is None else first))
             self._left += [batch for batch in entry.begun if batch.kind in part.kinds]
 
     def take(self) -> Batch | None:

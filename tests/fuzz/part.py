@@ -52,6 +52,8 @@ class Part(ABC):
     patience: float = 300.0
     #: Bytes that the process may have in memory.
     memory: int = 2 << 30
+    #: The seed of the first case, unless the command line has one.
+    first: int = 0
     #: Failures of one kind that are made smaller and kept.
     most_kept: int = 3
 

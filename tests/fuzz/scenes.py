@@ -22,6 +22,7 @@ class RandomScenes(Part):
     patience = 1200.0
     memory = 6 << 30
     most_kept = 40
+    first = sweep_scenes.DRAWN_ENDS
     kinds: Mapping[str, float] = {"cpu": 10.0, "gl": 1.0}
 
     def case(self, kind: str, seed: int) -> Case:

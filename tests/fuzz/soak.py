@@ -274,7 +274,7 @@ class LongRuns(Part):
         case: Case = {"run": kind, "seed": seed}
         if kind in ("frames", "gl"):
             count = 30 if kind == "frames" else 8
-            numbers = [rng.randrange(100_000) for _ in range(count)]
+            numbers = [sweep_scenes.DRAWN_ENDS + rng.randrange(100_000) for _ in range(count)]
             return case | {"backend": "gl" if kind == "gl" else "cpu", "threads": rng.randint(1, 3), "numbers": numbers}
         if kind == "viewer":
             return case | {"messages": [_message(rng) for _ in range(60)], "patience": 120.0}

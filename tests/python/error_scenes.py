@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 # A scene is converged at this share of the slice distance in question: what is left is a hundredth of a second-order
 # error, and a sixteenth of a first-order one.
 CONVERGED = 1 / 16
+# Share of the pixels that rays along an outline may be: some meet slices of one distance and none of another.
+OUTLINE = 0.03
 
 
 @dataclass
@@ -155,14 +157,25 @@ def measured_cases(folder: Path, reduced: int = 2) -> list[Case]:
     return cases
 
 
+def difference(a: NDArray[Any], b: NDArray[Any], most_apart: float = 0.0) -> Array:
+    """Return a - b, infinite where more than that share of the pixels have a number (NaN: none) in one picture alone.
+
+    Of fewer such pixels, NaN is taken as 0.
+    """
+    if np.mean(np.isnan(a) != np.isnan(b)) > most_apart:
+        return np.full(a.shape, np.inf)
+    return np.nan_to_num(np.asarray(a, np.float64)) - np.nan_to_num(np.asarray(b, np.float64))
+
+
 def rmse(picture: ss.Image, reference: ss.Image) -> float:
     """Return the root mean square difference; scalars are divided by max(1, largest of the reference).
 
-    NaN, where no slice counts, is taken as 0.
+    It is infinite where slices count in one picture alone: of other slices, at more than `OUTLINE` of the pixels.
     """
-    a, b = (np.nan_to_num(np.asarray(one.pixels, np.float64)) for one in (picture, reference))
-    scale = max(1.0, float(b.max())) if b.ndim == 2 else 1.0
-    return float(np.sqrt(np.mean(((a - b) / scale) ** 2)))
+    a, b = picture.pixels, reference.pixels
+    same = picture.plan.slice_spacing == reference.plan.slice_spacing
+    scale = max(1.0, float(np.nanmax(b, initial=0.0))) if b.ndim == 2 else 1.0
+    return float(np.sqrt(np.mean((difference(a, b, 0.0 if same else OUTLINE) / scale) ** 2)))
 
 
 def exact_renderer() -> ss.Renderer:

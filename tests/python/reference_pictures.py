@@ -29,9 +29,10 @@ def may_jump(parts: Parts) -> bool:
     if scene.get("mode", "composite") in ("xray", "mip"):
         return False
     steps = np.abs(np.diff(points[:, 1:], axis=0))[np.diff(points[:, 0]) == 0]
-    seen_at_zero = oracle.TransferFunction(parts["transfer"])(np.array(0.0))[3] > 0
+    (base,) = scene_parts.build(oracle, parts)[0].bases()
+    seen_at_base = oracle.TransferFunction(parts["transfer"])(np.array(base))[3] > 0
     stops = scene.get("opacity_stop", 0.98) < 1
-    return scene.get("mode") == "isosurface" or stops or bool(steps.any()) or bool(seen_at_zero)
+    return scene.get("mode") == "isosurface" or stops or bool(steps.any()) or bool(seen_at_base)
 
 
 def nudges(parts: Parts, spacing: float, length: float) -> Iterator[Parts]:

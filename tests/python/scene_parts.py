@@ -7,6 +7,7 @@ and the oracle are given the same one.
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
@@ -63,6 +64,47 @@ def nudged(
         else:
             field["radius"] = field.get("radius", 2.0) * (1 + support)
     return moved
+
+
+def counted_from_0(field: dict[str, Any]) -> bool:
+    """Return whether the base of a field is 0 unless one is given."""
+    if "centers" in field or field.get("boundary") == "zero" or field.get("normalization") == "none":
+        return True
+    return field.get("lattice") == "bcc" and len(field["values"]) < 2
+
+
+def lift(parts: Parts, by: float, from_0: Callable[[dict[str, Any]], bool] = counted_from_0) -> None:
+    """Add a constant to the values of each group's first field, its base, and what they are compared with.
+
+    Pictures stay what they are, and scalars rise by the constant. from_0: of which fields the base is 0 unless given.
+    """
+    groups = parts.get("groups")
+    for number in [0] if groups is None else [group[0] for group in groups]:
+        field = parts["fields"][number]
+        field["values"] = np.asarray(field["values"], float) + by
+        if "base" in field or from_0(field):
+            field["base"] = field.get("base", 0.0) + by
+    _compare(parts, lambda points: [(point[0] + by, *point[1:]) for point in points])
+
+
+def negate(parts: Parts) -> None:
+    """Turn the sign of all values, and of what they are compared with. Modes `mip` and `minimum` change places."""
+    for field in parts["fields"]:
+        field["values"] = -np.asarray(field["values"], float)
+        if "base" in field:
+            field["base"] = -field["base"]
+    _compare(parts, lambda points: [(-point[0], *point[1:]) for point in points[::-1]])
+    exchanged = {"mip": "minimum", "minimum": "mip"}
+    parts["scene"]["mode"] = exchanged.get(parts["scene"].get("mode"), parts["scene"].get("mode", "composite"))
+
+
+def _compare(parts: Parts, changed: Callable[[Any], Any]) -> None:
+    """Change the points of transfer functions, and iso values."""
+    transfer, scene = parts["transfer"], parts["scene"]
+    parts["transfer"] = changed(transfer) if parts.get("groups") is None else [changed(points) for points in transfer]
+    if "iso_value" in scene:
+        values = scene["iso_value"]
+        scene["iso_value"] = changed(values) if isinstance(values, list) else changed([(values,)])[0][0]
 
 
 def unit(vector: Any) -> Array:

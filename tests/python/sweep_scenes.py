@@ -18,7 +18,7 @@ from image_checks import FLOAT32, FLOAT32_HARD, off_by, within
 from numpy.typing import NDArray
 from oracle.picture import Nudge
 from random_scenes import random_light
-from scene_parts import Parts, cloud, pick, random_camera
+from scene_parts import Parts, cloud, lift, pick, random_camera
 from test_fuzz_scenes import harsh
 from test_oracle import build_effects, effect_scene
 from test_oracle_ends import ends_scene
@@ -131,6 +131,26 @@ def plateau_scene(seed: int) -> Parts:
     return parts
 
 
+def with_ends(parts: Parts, seed: int) -> Parts:
+    """Return a scene with boundaries, bases and offsets of its own generator; what is not drawn is the default."""
+    rng = np.random.default_rng([16, seed])
+    size = 0.0
+    for field in parts["fields"]:
+        values = np.asarray(field["values"], float)
+        low, high = float(np.nanmin(values)), float(np.nanmax(values))
+        size = max(size, abs(low), abs(high))
+        if "centers" not in field:
+            field.pop("boundary", None)
+            field |= pick(rng, {}, {"boundary": "edge"}, {"boundary": "zero"})
+        if rng.random() < 0.35:
+            field["base"] = float(
+                pick(rng, 0.0, low, high, rng.uniform(1.5 * low - 0.5 * high, 1.5 * high - 0.5 * low))
+            )
+    if rng.random() < 0.4:
+        lift(parts, size * float(pick(rng, 1.0, 7.0, -300.0, 5000.0)))
+    return parts
+
+
 KINDS: dict[str, Callable[[int], Parts]] = {
     "effects": effect_scene,
     "groups": group_scene,
@@ -143,10 +163,16 @@ KINDS: dict[str, Callable[[int], Parts]] = {
 PLATEAUS = 2_000_000
 # Numbers from here on are fields with bases, boundaries and missing samples, alone and in groups.
 ENDS = 3_000_000
+# Numbers from here on are all other kinds by turns, with boundaries, bases and offsets drawn.
+DRAWN_ENDS = 4_000_000
 
 
 def scene_of(number: int) -> tuple[str, Parts]:
     """Return the kind and the parts of a numbered scene."""
+    if number >= DRAWN_ENDS:
+        kinds = KINDS | {"plateaus": plateau_scene}
+        kind, seed = list(kinds)[number % len(kinds)], number // len(kinds)
+        return f"{kind} with ends", with_ends(kinds[kind](seed), seed)
     if number >= ENDS:
         return "ends", ends_scene(number)
     if number >= PLATEAUS:

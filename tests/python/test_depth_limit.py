@@ -160,13 +160,18 @@ def test_backends_draw_what_the_reference_draws(way: str, backend: str) -> None:
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_groups_with_transfer_functions_of_their_own(backend: str) -> None:
+@pytest.mark.parametrize("boundary", ["edge", "zero"])
+def test_groups_with_transfer_functions_of_their_own(boundary: str, backend: str) -> None:
     for options in ({}, {"preintegration": True}, {"mode": "isosurface", "iso_value": ((0.3, 0.5), (0.6, 1.0))}):
         case = Case("cartesian", lit=True).with_(**options)
         scene, camera = make(case)
-        block = ss.RegularField(np.ones((5, 5, 5), np.float32), spacing=(0.3, 0.3, 0.3), boundary="zero")
+        cube = scene.fields[0].replace(boundary=boundary)
+        block = ss.RegularField(np.ones((5, 5, 5), np.float32), spacing=(0.3, 0.3, 0.3), boundary=boundary)
+        if boundary == "edge":
+            # It ends where the other volume does: OpenGL draws no others together.
+            block = cube.replace(values=np.full_like(cube.values, 0.7), base=0.5)
         both = ss.Scene(
-            [[scene.fields[0].replace(boundary="zero")], [block]],
+            [[cube], [block]],
             [scene.transfer_function, ss.TransferFunction([(0, 1, 0, 0, 0), (1, 0, 1, 0, 0.3)])],
             lights=scene.options["lights"],
             slice_spacing=SPACING,
@@ -308,11 +313,12 @@ def test_settings_for_an_error_serve_other_depths() -> None:
     assert np.array_equal(renderer.render(scene, camera, size=SIZE).pixels.shape, first.pixels.shape)
 
 
-def test_light_passes_behind_the_surface() -> None:
+@pytest.mark.parametrize("boundary", ["edge", "zero"])
+def test_light_passes_behind_the_surface(boundary: str) -> None:
     """What a surface hides still casts shadows: a depth limit is one of the camera's rays, not of the light's."""
-    values = np.zeros((24, 24, 24), np.float32)
-    values[:, :, :] = 1.0
-    field = ss.RegularField(values, boundary="zero")
+    # A slope, which light shows up to its ends.
+    values = np.broadcast_to(np.linspace(0.6, 1, 24, dtype=np.float32)[:, None, None], (24, 24, 24))
+    field = ss.RegularField(values, boundary=boundary)
     scene = ss.Scene(
         field, [(0, 1, 1, 1, 0), (0.5, 1, 1, 1, 0.3)], lights=[ss.Light((0, 0, -1))], shadows=True, opacity_stop=1.0,
         material=ss.Material(0.1, 0.9, two_sided=True),

@@ -138,24 +138,31 @@ def test_odd_fields_show_something(rng, kind):
     assert np.isfinite(automatic.choose([field]).clim).all()
 
 
-def test_a_lattice_of_ellipsoids_is_a_regular_field(block):
+@pytest.mark.parametrize("boundary", ["edge", "zero"])
+def test_a_lattice_of_ellipsoids_is_a_regular_field(boundary, block):
+    """A lattice that ends is one of more kernels, the mirrored ones, that a clip cuts off."""
     values = np.linalg.norm(block - 4, axis=1)
-    regular = ss.RegularField(values.reshape(9, 9, 9).transpose(2, 1, 0), boundary="zero")
-    scattered = ss.EllipsoidField(
-        block, np.full(len(block), 2.0), values=values, normalization="lattice", falloff=5, cell_volume=1
-    )
+    regular = ss.RegularField(values.reshape(9, 9, 9).transpose(2, 1, 0), boundary=boundary)
+    clip = None
+    if boundary == "edge":
+        block = np.mgrid[-2:11, -2:11, -2:11].reshape(3, -1).T.astype(float)
+        block = block[np.linalg.norm(np.maximum(np.abs(block - 4) - 4.5, 0), axis=1) < 2]
+        values = np.linalg.norm(4 - np.abs(4 - np.abs(block - 4)), axis=1)
+        clip = ss.Clip(box=regular.domain)
+    more = {"normalization": "lattice", "falloff": 5, "cell_volume": 1, "base": regular.base}
+    scattered = ss.EllipsoidField(block, np.full(len(block), 2.0), values=values, **more)
     camera = ss.Camera.fit(regular, (0.3, -0.4, -1))
     function = ss.TransferFunction([(0, 0, 0, 1, 0.1), (4, 1, 0, 0, 0), (7, 0, 1, 0, 0.3)])
     renderer = ss.Renderer("reference")
-    pictures = [
-        renderer.render(ss.Scene(field, function, lights=[ss.Light()], slice_spacing=1), camera, size=(24, 24)).rgba
-        for field in (regular, scattered)
-    ]
+
+    def drawn(field, clip):
+        options = {"lights": [ss.Light()], "slice_spacing": 1, "reference_length": 1, "clip": clip}
+        return renderer.render(ss.Scene(field, function, **options), camera, size=(24, 24)).rgba
+
+    pictures = [drawn(regular, None), drawn(scattered, clip)]
     assert pictures[0][..., 3].max() > 0.3 and np.allclose(*pictures, atol=2e-6)
-    other = ss.EllipsoidField(
-        block, np.full(len(block), 2.02), values=values, normalization="lattice", falloff=5, cell_volume=1
-    )
-    moved = renderer.render(ss.Scene(other, function, lights=[ss.Light()], slice_spacing=1), camera, size=(24, 24)).rgba
+    other = ss.EllipsoidField(block, np.full(len(block), 2.02), values=values, **more)
+    moved = drawn(other, clip)
     assert not np.allclose(pictures[0], moved, atol=1e-4)
 
 

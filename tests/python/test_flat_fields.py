@@ -113,11 +113,11 @@ def test_differences_on_plateaus_keep_the_bound_in_float32(
     assert_close(image, by_reference(parts), FLOAT32, f"plateaus {low} {high} {length} {sampling}")
 
 
-@pytest.mark.parametrize("scattered", [True, False])
-def test_close_ups_of_quotients_that_change_slowly_take_float64(scattered: bool) -> None:
+@pytest.mark.parametrize("kind", ["scattered", "edge", "zero"])
+def test_close_ups_of_quotients_that_change_slowly_take_float64(kind: str) -> None:
     """What their differences have in float32 is the rounding of the quotients."""
     parts = flat(0.0, gradient="sheets", reference_length=0.4, slice_spacing=0.05)
-    if scattered:
+    if kind == "scattered":
         field = parts["fields"][0]
         field["values"] = 3.0 + 3e-4 * field["centers"][:, 0]
     else:
@@ -125,14 +125,14 @@ def test_close_ups_of_quotients_that_change_slowly_take_float64(scattered: bool)
         parts["fields"] = [
             {"values": values, "spacing": (2 / 9,) * 3, "origin": (-1,) * 3, "normalization": "threshold", "w0": 0.3}
             # Counted from a base of their own they would be exact.
-            | {"boundary": "zero", "base": 0.0}
+            | {"boundary": kind, "base": 0.0}
         ]
     parts["transfer"] = [(at + 2.6, *look) for at, *look in TRANSFER]
     parts["camera"] = parts["camera"] | {"height": 0.3}
     expected = by_reference(parts)
     image = drawn(parts, "cpu")
     assert image.plan.precision == "float64"
-    assert_close(image, expected, FLOAT32, f"slow change {scattered}")
+    assert_close(image, expected, FLOAT32, f"slow change {kind}")
     inexact = drawn(parts, "cpu", precision="float32", allow_inexact=True)
     assert not within(off_by(inexact, expected), FLOAT32)
 

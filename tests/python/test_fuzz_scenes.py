@@ -53,6 +53,12 @@ def seldom(draw: st.DrawFn, often: Any, otherwise: st.SearchStrategy[Any], one_i
     return draw(otherwise) if draw(st.integers(1, one_in)) == one_in else often
 
 
+# By itself, or given.
+bases = st.one_of(
+    st.just({}), st.just({}), st.fixed_dictionaries({"base": st.sampled_from([-0.5, 0.0, 0.3, 1.0, 1.5])})
+)
+
+
 @st.composite
 def ellipsoids(draw: st.DrawFn) -> Parts:
     rng = np.random.default_rng(draw(seeds))
@@ -84,7 +90,7 @@ def ellipsoids(draw: st.DrawFn) -> Parts:
             one["weights"] = 10.0 ** rng.uniform(-3, 1, count)
         case "zeros":
             one["weights"] = np.where(rng.random(count) < 0.3, 0.0, 1.0)
-    return one
+    return one | draw(bases)
 
 
 @st.composite
@@ -108,7 +114,7 @@ def lattices(draw: st.DrawFn) -> Parts:
     if draw(st.integers(1, 5)) == 1:
         one["values"][rng.random(shape) < 0.3] = np.nan
         one["nan"] = "skip"
-    return one
+    return one | draw(st.sampled_from([{}, {"boundary": "edge"}, {"boundary": "zero"}])) | draw(bases)
 
 
 @st.composite
@@ -225,6 +231,8 @@ def scenes(draw: st.DrawFn) -> Parts:
     knobs["slice_spacing"] = max(deepest / draw(st.integers(2, MOST_SLICES)), 1e-3)
     if draw(st.booleans()):
         knobs["reference_length"] = knobs["slice_spacing"] * draw(decades(-1, 2))
+    if offset := draw(st.sampled_from([0.0, 0.0, 0.0, 7.0, -300.0, 5000.0])):
+        scene_parts.lift(made, offset)
     return made
 
 

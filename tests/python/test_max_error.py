@@ -50,11 +50,13 @@ def test_the_bound_holds(seed: int, exact: ss.Renderer) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["orthographic", "perspective"])
-def test_the_bound_holds_by_tiles(kind: Any) -> None:
+@pytest.mark.parametrize(
+    ("kind", "boundary"), [("orthographic", "zero"), ("perspective", "zero"), ("perspective", "edge")]
+)
+def test_the_bound_holds_by_tiles(kind: Any, boundary: Any) -> None:
     """Pilots of large pictures are some of their tiles."""
     rng = np.random.default_rng(3)
-    field = ss.RegularField(error_scenes.smooth_noise(rng, (18, 20, 22), 1.2), boundary="zero")
+    field = ss.RegularField(error_scenes.smooth_noise(rng, (18, 20, 22), 1.2), boundary=boundary)
     scene = ss.Scene(
         field,
         [(0.3, 0.2, 0.4, 0.9, 0), (0.5, 0.9, 0.4, 0.2, 0.1), (1, 1, 0.9, 0.6, 0.5)],
@@ -71,7 +73,7 @@ def test_the_bound_holds_by_tiles(kind: Any) -> None:
     found = float(np.sqrt(np.mean((image.pixels - converged.pixels) ** 2)))
     print(f"{kind}: {found:.2e}, expected {image.stats['estimated_rmse']:.2e}")
     assert found <= 1e-3
-    assert found / 1.3 <= image.stats["estimated_rmse"] <= 2 * found
+    assert found / 1.3 <= image.stats["estimated_rmse"] <= (2 if boundary == "zero" else 2.5) * found
     # The default misses it.
     usual = ss.Renderer("cpu").render(scene, camera, size)
     assert np.sqrt(np.mean((usual.pixels - converged.pixels) ** 2)) > 1e-3
@@ -87,11 +89,11 @@ def test_the_bound_is_what_decides(exact: ss.Renderer) -> None:
     assert missed > len(SEEDS) / 3
 
 
-@pytest.fixture(scope="module")
-def ball_scene() -> tuple[ss.Scene, ss.Camera]:
-    """Return a soft ball and a view of it."""
+@pytest.fixture(scope="module", params=["edge", "zero"])
+def ball_scene(request: pytest.FixtureRequest) -> tuple[ss.Scene, ss.Camera]:
+    """Return a soft ball, which the ends of its volume touch, and a view of it."""
     axes = np.meshgrid(*[np.linspace(-1, 1, 14)] * 3)
-    field = ss.RegularField(np.clip(1.1 - np.sqrt(sum(a * a for a in axes)), 0, 1), boundary="zero")
+    field = ss.RegularField(np.clip(1.1 - np.sqrt(sum(a * a for a in axes)), 0, 1), boundary=request.param)
     scene = ss.Scene(field, ss.TransferFunction([(0.1, 0.2, 0.4, 0.9, 0), (1, 1, 0.8, 0.5, 0.7)]))
     return scene, ss.Camera.fit(field, direction=(-0.5, -0.4, -0.8))
 
@@ -217,7 +219,9 @@ def test_the_plan_says_which_distance(ball_scene: tuple[ss.Scene, ss.Camera]) ->
     """Rows and total are distances from the reference at the same slices; the choice names the converged picture."""
     plan = ss.Renderer("cpu", max_error=1e-3).plan(*ball_scene, size=SIZE)
     assert np.hypot.reduce([effect.error for effect in plan.effects]) == pytest.approx(plan.expected_error)
-    assert next(effect.reason for effect in plan.effects if effect.name == "preintegration") == "chosen for max_error"
+    row = next(effect for effect in plan.effects if effect.name == "preintegration")
+    assert row.on == ("pre-integration" in plan.effects[-1].reason.split(",")[0])
+    assert row.reason == ("chosen for max_error" if row.on else "not asked for")
     assert "from the float64 reference at the same slices" in str(plan)
     assert "from the converged picture" in plan.effects[-1].reason
 

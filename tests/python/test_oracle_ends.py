@@ -12,7 +12,7 @@ import oracle.samples
 import pytest
 import scene_parts
 from random_scenes import random_ellipsoids, random_lattice, random_lattice_transfer, random_light
-from scene_parts import GENTLE, OPAQUE, pick, random_camera
+from scene_parts import GENTLE, OPAQUE, lift, pick, random_camera
 from test_oracle import build_effects, expected, make_wrong, reference_excess, share_seen, with_effects
 
 import sheetsplat as ss
@@ -84,23 +84,10 @@ def ends_scene(seed: int) -> dict[str, Any]:
     if scene["preintegration"] and len(groups) > 1:
         scene["preintegration"] = True
     if rng.random() < 0.4:
-        lift(parts, float(pick(rng, 7.0, -300.0, 5000.0)))
+        # Sums of the normalization `none` stay counted from 0.
+        by = float(pick(rng, 7.0, -300.0, 5000.0))
+        lift(parts, by, lambda field: "centers" in field or field["boundary"] == "zero")
     return parts
-
-
-def lift(parts: dict[str, Any], by: float) -> None:
-    """Add a constant to the values of each group's first field, its base, and what they are compared with."""
-    first = [group[0] for group in parts["groups"]]
-    for number in first:
-        field = parts["fields"][number]
-        field["values"] = np.asarray(field["values"], float) + by
-        if "base" in field or "centers" in field:
-            field["base"] = field.get("base", 0.0) + by
-        elif field["boundary"] == "zero":
-            field["base"] = by
-    parts["transfer"] = [[(point[0] + by, *point[1:]) for point in points] for points in parts["transfer"]]
-    if "iso_value" in parts["scene"]:
-        parts["scene"]["iso_value"] = [(value + by, opacity) for value, opacity in parts["scene"]["iso_value"]]
 
 
 @pytest.mark.parametrize("seed", SEEDS)

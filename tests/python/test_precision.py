@@ -13,6 +13,8 @@ import sheetsplat as ss
 
 SIZE = (40, 32)
 GL = pytest.param("gl", marks=pytest.mark.gl)
+# Share of a picture whose weights all round to 0.
+MOST_LOST = {"float16": 0.005, "uint8": 0.04}
 
 
 def some_field(rng: np.random.Generator, kind: int) -> ss.RegularField | ss.EllipsoidField:
@@ -107,9 +109,13 @@ def test_predictions_bound_what_few_bits_lose(
     refused = 0
     for scene, camera, expected in references:
         image = inexact.render(scene, camera, size=SIZE)
-        # Weights that few bits round to 0 do not count: their pixels have no value. None gets one.
-        assert np.isnan(image.pixels[np.isnan(expected)]).all()
-        found = distance(np.nan_to_num(image.pixels, nan=0.0), np.nan_to_num(expected, nan=0.0))
+        # Weights that few bits round to 0 do not count: their pixels have no value, and had little. None gets one.
+        empty = np.isnan(image.pixels)
+        assert empty[np.isnan(expected)].all()
+        lost = empty & ~np.isnan(expected)
+        assert lost.mean() <= MOST_LOST[precision]
+        assert np.abs(expected[lost]).max(initial=0.0) <= 0.01 * np.nanmax(np.abs(expected))
+        found = distance(np.where(empty, 0.0, image.pixels), np.where(np.isnan(expected), 0.0, expected))
         assert found.rmse <= image.plan.expected_error, f"{scene}: {found}\n{image.plan}"
         try:
             strict.plan(scene, camera, size=SIZE)

@@ -98,9 +98,16 @@ def test_gradient_opacity_of_a_ramp(reference_renderer: ss.Renderer) -> None:
         assert abs(opacity(0.55, gradient=gradient) - wanted) > 1e-2
 
 
-def test_depth_cue_of_a_flat_surface(reference_renderer: ss.Renderer) -> None:
+@pytest.mark.parametrize("boundary", ["edge", "zero"])
+def test_depth_cue_of_a_flat_surface(boundary: str, reference_renderer: ss.Renderer) -> None:
     """Every pixel sees the front of a block, whose depth is asked for beside it."""
-    field = ss.RegularField(np.ones((7, 15, 15)), origin=(-7, -7, -3), normalization="threshold", boundary="zero")
+    if boundary == "zero":
+        field = ss.RegularField(np.ones((7, 15, 15)), origin=(-7, -7, -3), normalization="threshold", boundary="zero")
+    else:
+        # A volume that ends has no front of its own: nothing crosses an end.
+        samples = np.zeros((13, 15, 15))
+        samples[3:10] = 1
+        field = ss.RegularField(samples, origin=(-7, -7, -6), normalization="threshold")
     colour, cue = np.array([0.9, 0.5, 0.2]), np.array([0.1, 0.3, 0.8])
 
     def shown(**options: object) -> tuple[np.ndarray, float]:

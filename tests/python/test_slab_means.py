@@ -97,3 +97,13 @@ def test_a_slab_that_a_support_only_just_meets_is_not_empty(
     # One slab at each end that the support leaves after `past`.
     np.testing.assert_allclose(expected.pixels[..., 3], 1 - 0.9 ** (2 * slabs + 2), rtol=1e-6)
     np.testing.assert_allclose(found.pixels, expected.pixels, atol=1e-6)
+
+
+@pytest.mark.parametrize("backend", ["reference", "cpu"])
+@pytest.mark.parametrize("falloff", [8.0, 40.0, 78.0])
+def test_slabs_that_meet_the_tail_of_a_kernel_alone_count(falloff: float, backend: Any) -> None:
+    """Of six slabs the outermost weigh as little as exp(-0.64 k)."""
+    field = ss.EllipsoidField([(0.0, 0.0, 0.0)], 1.0, values=[2.0], falloff=falloff, normalization="none", base=2.0)
+    scene = ss.Scene(field, [(0, 0, 0, 0, 0), (1, 1, 1, 1, 1)], mode="xray", sampling="slab", slice_spacing=0.4)
+    image = ss.Renderer(backend).render(scene, ss.Camera.orthographic((0, 0, 5), (0, 0, 0), height=1e-3), size=(2, 2))
+    np.testing.assert_allclose(image.scalar, 6 * 0.4 * 2.0, rtol=1e-6)

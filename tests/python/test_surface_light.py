@@ -72,15 +72,23 @@ def test_surfaces_take_light_as_in_the_reference(name: str, backend: str) -> Non
 
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("groups", [False, True], ids=["two opacities", "groups"])
-def test_translucent_surfaces_and_groups_cast_their_own_shadows(groups: bool, backend: str) -> None:
+@pytest.mark.parametrize("boundary", ["edge", "zero"])
+def test_translucent_surfaces_and_groups_cast_their_own_shadows(boundary: str, groups: bool, backend: str) -> None:
     """Each iso value takes light by its opacity, in the scalar of each group of fields."""
     cube, camera = make(Case("uneven", "threshold"))
-    other = ss.RegularField(
-        np.full((5, 5, 5), 0.8), spacing=(0.1, 0.1, 0.1), origin=(0.7, -0.1, 0.3), normalization="threshold", w0=0.1,
-        boundary="zero",
-    )  # fmt: skip
+    # Fields that end in one place, and are counted from one base.
+    ends = {"boundary": boundary, "base": 0.0}
+    cubes = tuple(one.replace(**ends) for one in cube.fields)
+    if boundary == "zero":
+        other = ss.RegularField(
+            np.full((5, 5, 5), 0.8), spacing=(0.1, 0.1, 0.1), origin=(0.7, -0.1, 0.3), normalization="threshold",
+            w0=0.1, **ends,
+        )  # fmt: skip
+    else:
+        values = np.zeros_like(cubes[0].values)
+        values[5:8, 4:6, 6:9] = 0.8
+        other = cubes[0].replace(values=values)
     points = [(0.0, 0.1, 0.2, 0.6, 0.0), (1.0, 1.0, 0.9, 0.8, 0.5)]
-    cubes = tuple(one.replace(boundary="zero") for one in cube.fields)
     fields = (*cubes, other)
     scene = ss.Scene(
         fields if groups else cubes,

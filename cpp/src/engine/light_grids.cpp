@@ -85,7 +85,7 @@ bool is_narrow(const Scene& scene, const Group& group) {
 /// Whether matter may be thinner than kernels are: opaque in a narrow range of rho, or cut.
 bool is_cut(const Scene& scene) {
     const std::vector<Group> groups = scene.groups();
-    return !scene.clip.empty() || shows_narrowly(scene) ||
+    return !scene.clip.empty() || (scene.counted && !scene.counted->ends.empty()) || shows_narrowly(scene) ||
            std::any_of(groups.begin(), groups.end(),
                        [](const Group& group) { return group.transfer_function->has_steps(); });
 }

@@ -273,8 +273,9 @@ bool shows_between_zeros(const Scene& scene, const SumFacts& sums, const DrawPla
 }
 
 bool intervals_may_be_empty(const Scene& scene, const SumFacts& sums, const DrawPlan& plan) {
+    const bool ends = scene.counted && !scene.counted->ends.empty();
     return plan.mode == Mode::composite && plan.preintegration &&
-           (plan.cuts() || (scene.counted && !scene.counted->ends.empty()) || shows_between_zeros(scene, sums, plan));
+           (plan.cuts() || ends || shows_between_zeros(scene, sums, plan));
 }
 
 double sum_noise(Precision precision, bool truncates, double crowd) {

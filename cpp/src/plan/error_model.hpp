@@ -55,8 +55,9 @@ bool is_near_the_end(const DrawPlan& plan, const SumFacts& sums);
 /// Whether the cubic of second order shows something between two ends that are 0.
 bool shows_between_zeros(const Scene& scene, const SumFacts& sums, const DrawPlan& plan);
 
-/// Whether an interval that is empty must be distinguished from one whose ends are 0: where clipping leaves one end of
-/// an interval, which shows only if a kernel reaches it, and where there is something between two ends that are 0.
+/// Whether an interval that is empty must be distinguished from one whose ends are 0: where clipping, or the end of a
+/// group's volumes, leaves one end of an interval, which shows only if a kernel reaches it, and where there is
+/// something between two ends that are 0.
 bool intervals_may_be_empty(const Scene& scene, const SumFacts& sums, const DrawPlan& plan);
 
 /// True where quotients of sums are lit.

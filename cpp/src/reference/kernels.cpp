@@ -65,6 +65,13 @@ double largest_on_arc(double a, double h, double from, double to) {
     return a * s + std::sqrt(std::max(0.0, h * h - s * s));
 }
 
+// erf(to) - erf(from), of which far from 0 hardly a digit would be left.
+double erf_between(double from, double to) {
+    return from > 0.0 ? std::erfc(from) - std::erfc(to)
+           : to < 0.0 ? std::erfc(-to) - std::erfc(-from)
+                      : std::erf(to) - std::erf(from);
+}
+
 } // namespace
 
 Profile::Profile(double falloff)
@@ -82,7 +89,7 @@ double Profile::gaussian(double b_squared, double from, double to) const {
         return 0.5 * length * sum;
     }
     return std::exp(-falloff_ * b_squared) * 0.5 * root_pi / root_falloff_ *
-           (std::erf(root_falloff_ * to) - std::erf(root_falloff_ * from));
+           erf_between(root_falloff_ * from, root_falloff_ * to);
 }
 
 Profile::Moments Profile::moments(double b_squared, double from, double to) const {

@@ -143,6 +143,8 @@ def run(options: Options) -> Report:
         threshold, top = threshold_for(values, share), float(values.max())
         bcc = bool(picture.bcc_of)
         field = resample_to_bcc(values, spacing).field() if bcc else ss.RegularField(values, spacing=spacing)
+        # As in the paper: nothing beyond the samples.
+        field = field.replace(boundary="zero", base=0.0)
         nk, nj, ni = field.shape
         scene = _scene(picture, field, threshold, top, min(spacing))
         row, _, _ = frames_and_error(options, judge, renderer, scene, orbit(field, options.views), name)

@@ -152,11 +152,6 @@ def without_outliers(
     return values
 
 
-def inner_range(samples: Samples) -> tuple[float, float] | None:
-    """Return the range of samples without those that may be outliers; None where it is empty or hardly anything."""
-    return _inner_range(_samples(samples))
-
-
 def beyond_pictures(samples: NDArray[Any] | Samples) -> tuple[float, float, float] | None:
     """Return the worst of few samples that are so large that no picture resolves the others, and the others' range."""
     values = _samples(samples_of(samples))

@@ -18,9 +18,9 @@ from sheetsplat.errors import Words, option_ref
 from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Field, RegularField
 from sheetsplat.fields.samples import ArraySamples, Samples
 from sheetsplat.fields.trim import Trim
-from sheetsplat.look.histogram import inner_range, usual_value, within_pictures
+from sheetsplat.look.histogram import usual_value, within_pictures
 from sheetsplat.notices import warn
-from sheetsplat.options.core import COLORED, SUMMING
+from sheetsplat.options.core import COLORED
 
 Floats = NDArray[np.float64]
 
@@ -55,10 +55,9 @@ def without_strays(fields: Sequence[Field], look: Mapping[str, Any], *, framed: 
         Whether the camera is chosen by what is seen. One that is given may look at the strays.
     """
     shown = list(fields)
-    if look.get("mode") in SUMMING:
-        shown = [_counted_from_usual(one) for one in shown]
     if look.get("mode", "composite") in COLORED and not any(look.get(name) is not None for name in _IN_VALUES):
-        shown = [_counted_from_most(_within(one, look.get("clim"))) for one in shown]
+        shown = [_within(one, look.get("clim")) for one in shown]
+    shown = [_counted_from_usual(one) for one in shown]
     if framed and look.get("slice_spacing") is None:
         shown = [_near(one, shown) if isinstance(one, EllipsoidField) else one for one in shown]
     return shown
@@ -112,30 +111,12 @@ def _within(field: Field, clim: Any) -> Field:
     return trimmed(field, Trim(limits=(low, high)))
 
 
-def _counted_from_most(field: Field) -> Field:
-    """Return a volume whose values are counted from the middle of all but its outliers, where these set its base.
-
-    The base that nobody gave may be the middle of the range, and sums resolve shares of what is counted from it: a
-    single sample far away would take the digits of all others.
-    """
-    if not isinstance(field, RegularField) or isinstance(field, BrickedField) or not field.size:
-        return field
-    if field.given_base is not None or field.boundary != "edge" or field.samples.dtype.kind != "f":
-        return field
-    inner = inner_range(field.samples)
-    if inner is None:
-        return field
-    low, high = inner
-    if low - (high - low) <= field.base <= high + (high - low):
-        return field
-    return field.replace(base=0.5 * low + 0.5 * high)
-
-
 def _counted_from_usual(field: Field) -> Field:
-    """Return a volume whose values are counted from their median, where nobody gave a base and the data none.
+    """Return a volume whose values are counted from their median, where nobody gave a base and the data have none.
 
-    Sums along rays have the ripple of the kernels, a share of what is counted from the base, all the way through a
-    volume: counted from the middle of the range it would be a share of the background.
+    From the middle of the range, which the law of pictures then takes, the background would be counted too: none of its
+    kernels could be left out, sums along rays would have the ripple of the kernels as a share of it, and a single
+    sample far away would take the digits of all others.
     """
     if not isinstance(field, RegularField) or not field.size or field.boundary != "edge":
         return field

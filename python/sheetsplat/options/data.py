@@ -110,7 +110,7 @@ class KernelOptions(TypedDict, total=False):
         Option(
             "What values are counted from: the value where no kernel reaches.",
             unset='0 for scattered data, {boundary} "zero" and {normalization} "none"; else the value of the first '
-            "sample or the middle of the range, by the data",
+            "sample or the median, by the data",
             value=NUMBER,
         ),
     ]

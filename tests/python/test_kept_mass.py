@@ -166,6 +166,18 @@ def test_volumes_keep_their_mass_wherever_they_end_and_whatever_their_background
         assert lost > 0.02 and rough.error.budget[CAUSE] >= 0.5 * lost
 
 
+@pytest.mark.parametrize("kind", ["orthographic", "perspective"])
+@pytest.mark.parametrize("layers", [1, 2, 3, 5, 8, 33])
+def test_a_few_layers_have_their_mass_seen_along_an_axis(layers, kind):
+    values = np.full((layers, 40, 40), 100.0) + np.random.default_rng(0).random((layers, 40, 40))
+    camera = ss.Camera.fit(ss.RegularField(values), direction=(0, 0, -1), kind=kind)
+    image = ss.render(values, mode="xray", size=100, camera=camera, backend="cpu")
+    assert image.scalar[50, 50] == pytest.approx(values[:, 18:22, 18:22].mean(axis=(1, 2)).sum(), rel=5e-3)
+    # The control: the default distance of slices has them on both faces of an odd number of layers.
+    plain = ss.render(values, mode="xray", size=100, camera=camera, backend="cpu", slice_spacing=1.0)
+    assert plain.scalar[50, 50] / image.scalar[50, 50] == pytest.approx(1 + layers % 2 / layers, rel=5e-3)
+
+
 def test_means_are_as_wide_as_their_kernels():
     """The filter would widen them: there are more samples a pixel."""
     rng = np.random.default_rng(3)

@@ -131,6 +131,65 @@ def test_a_background_of_one_value_is_no_padding():
     assert look.surface < 600 and opacity(look, 600) > 0.1
 
 
+@pytest.mark.parametrize("classes", [(0, 1, 2), (0, 100, 200), (0, 1, 3), (0, 1, 2, 3), (0, 1, 2, 3, 4)])
+def test_the_top_class_of_an_object_is_no_padding(classes, rng):
+    *_, r = ball()
+    values = np.zeros(r.shape)
+    for number, value in enumerate(classes[1:]):
+        values[r < 0.8 * (1 - number / (len(classes) - 1))] = value
+    assert choose_for(values).clim[1] == classes[-1]
+    # Nor is what saturates a detector inside of an object.
+    body = tomogram(EDGE).astype(float)
+    body[abs(r - 0.2) < 0.05] = 3071
+    assert choose_for(body).clim[1] == pytest.approx(3071, rel=0.01)
+
+
+@pytest.mark.parametrize("padding", [-3024, -9999])
+def test_padding_is_no_base(padding):
+    values = tomogram(EDGE)
+    _, y, x, _ = ball()
+    padded = np.where(x * x + y * y < 1, values, padding).astype(np.int16)
+    image = ss.render(padded, **SMALL)
+    assert ss.RegularField(padded).base == padding
+    assert image.recipe.fields[0].options["base"] == pytest.approx(-1000, abs=30)
+    assert ss.render(padded, base=-5.0, **SMALL).recipe.fields[0].options["base"] == -5
+
+
+def test_volumes_are_counted_from_their_median():
+    *_, r = ball()
+    blob = np.exp(-9 * r * r)
+    blob[0, 0, 0] = 1e-9
+    image = ss.render(blob, **SMALL)
+    base = image.recipe.fields[0].options["base"]
+    assert base == pytest.approx(np.median(blob)) and ss.RegularField(blob).base > 0.4
+    assert ss.render(blob, boundary="zero", **SMALL).recipe.fields[0].options["base"] is None
+    # What nobody reconstructs is a sum from 0.
+    image = ss.render(blob, normalization="none", **SMALL)
+    assert image.recipe.fields[0].options["base"] is None
+    # The value that many samples have is one.
+    assert ss.render(np.where(r < 0.7, 40.0, -1000.0), **SMALL).recipe.fields[0].options["base"] is None
+
+
+def test_limits_of_scattered_values_move_with_their_base(rng):
+    centers = rng.uniform(-1, 1, (300, 3))
+    values = 10 * np.exp(-((centers**2).sum(1)))
+    clims = []
+    for base in (0.0, 290.0):
+        field = ss.EllipsoidField(centers, np.full(300, 0.3), values=base + values, base=base)
+        clims.append(np.array(ss.render(field, **SMALL).clim) - base)
+    assert np.allclose(*clims, atol=1e-6)
+    with pytest.warns(ss.PictureWarning, match="fade to 0 where kernels end"):
+        ss.render(ss.EllipsoidField(centers, np.full(300, 0.3), values=290 + values), **SMALL)
+
+
+def test_volumes_that_add_up_and_end_in_different_places_are_told_of():
+    *_, r = ball()
+    values = 280 + 20 * np.exp(-6 * r * r)
+    halves = [ss.RegularField(values[:, :, :16]), ss.RegularField(values[:, :, 16:], origin=(16, 0, 0))]
+    with pytest.warns(ss.PictureWarning, match="end in different places"):
+        ss.render(halves, **SMALL)
+
+
 def test_dark_objects_in_a_bright_background_are_shown(rng):
     *_, r = ball()
     dark = 50 - 10 * np.exp(-9 * r * r) + 0.1 * rng.normal(size=r.shape)

@@ -98,7 +98,7 @@ def field_of(
         normalization=data.normalization if normalization is None else normalization,
         w0=data.w0 if w0 is None else w0,
         min_scale=min_scale,
-        base=base,
+        base=data.base if base is None else base,
     )
     if how == "own" and data.supports is None:
         scales = data.scales

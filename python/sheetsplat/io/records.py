@@ -82,7 +82,7 @@ class Scattered:
         Quaternions w, x, y, z of kernels, (N, 4).
     weights
         Of kernels, (N,).
-    normalization, w0, falloff, cell_volume
+    normalization, w0, falloff, cell_volume, base
         From the file; None: the default of `EllipsoidField`.
     details
         Further information, as texts.
@@ -110,6 +110,7 @@ class Scattered:
     w0: float | None = None
     falloff: float | None = None
     cell_volume: float | None = None
+    base: float | None = None
     details: dict[str, str] = field(default_factory=dict)
     orientation: Orientation | None = None
     unit: str = ""

@@ -23,7 +23,7 @@ from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
 from sheetsplat.io.source import Source
 
 _OWN = ("centers", "scales", "radii", "rotations", "weights")
-_NUMBERS = ("w0", "falloff", "cell_volume")
+_NUMBERS = ("w0", "falloff", "cell_volume", "base")
 # Arrays of positions, three numbers a row.
 _CENTERS = ("centers", "points", "positions", "position", "coordinates")
 # Characters that are parsed at once: Ctrl-C waits for them, some 30 ms.
@@ -44,7 +44,7 @@ def holds_ellipsoids(source: Source) -> bool:
 def read_npz(source: Source, scalar: str | None = None) -> Scattered:
     """Read ellipsoids: arrays centers (N, 3), scales (N, 3) or (N,), or radii (N,), values, rotations, weights.
 
-    Rotations are quaternions w, x, y, z, (N, 4). The numbers w0, falloff and cell_volume and the text normalization
+    Rotations are quaternions w, x, y, z, (N, 4). The numbers w0, falloff, cell_volume and base and the text normalization
     of `save_npz` are optional. Without scales and radii the rows are points. Every other array of N rows can be the
     scalar; "values" unless another is named.
 
@@ -69,6 +69,8 @@ def read_npz(source: Source, scalar: str | None = None) -> Scattered:
         "weights": (one,),
         "values": (one, (count, *arrays["values"].shape[1:2])) if "values" in arrays else (),
         **dict.fromkeys(_NUMBERS, ((),)),
+        # (As a column it may be the scalar.)
+        "base": ((), *((count, *width) for width in ((), arrays["base"].shape[1:2]))) if "base" in arrays else (),
     }
     for name, allowed in shapes.items():
         if name in arrays and arrays[name].shape not in allowed:
@@ -85,7 +87,9 @@ def read_npz(source: Source, scalar: str | None = None) -> Scattered:
     if not widths:
         raise unreadable(path, f"arrays {', '.join(arrays)}", "an array values, a number for each centre")
     name, base, column = choose_scalar(path, scalar, ("values",), widths)
-    numbers: dict[str, Any] = {name: float(arrays[name]) for name in _NUMBERS if name in arrays}
+    numbers: dict[str, Any] = {
+        name: float(arrays[name]) for name in _NUMBERS if name in arrays and not arrays[name].ndim
+    }
     return Scattered(
         finite_points(path, points.astype(np.float64)),
         finite_values(path, name, column_of(rows[base], column)),

@@ -132,18 +132,19 @@ def _wide_enough(look: Look, field: EllipsoidField) -> Look:
     the volume would be too narrow.
     """
     low, high = look.clim
-    known = np.abs(field.values[: field.size - field.ghosts])
+    known = np.abs(field.values[: field.size - field.ghosts] - field.base)
     extremes = np.argpartition(known, -_EXTREMES)[-_EXTREMES:] if known.size > _EXTREMES else slice(None)
     places = field.centers[: known.size][extremes]
     scalars, weights = field.scalars_and_weights(places)
-    largest = float(np.abs(scalars).max(initial=0.0))
+    largest = float(np.abs(scalars - field.base).max(initial=0.0))
     if field.normalization == "threshold" and weights.max(initial=0.0) >= field.w0:
         # The weighted mean of a large value and small neighbours is computed from the sum of the large one.
         largest = max(largest, float(known.max()))
     if not _WIDEST * (high - low) < largest < math.inf:
         return look
+    which = "up to" if field.base == 0.0 else "that differ from the base by"
     warn(
-        f"values up to {largest:g} lie in a field that is mostly below {high:g}: showing them leaves little contrast "
+        f"values {which} {largest:g} lie in a field that is mostly below {high:g}: showing them leaves little contrast "
         "for the others; their logarithm, " + option_ref("log", "true") + ", would show both"
     )
     stretch = largest / (_WIDEST * (high - low))

@@ -21,7 +21,8 @@ _LIKE = 0.3
 _NEAR = 0.3
 _END, _AT_END = 0.1, 0.3
 # Padding: one number at an end of the range, at least this share of the samples, and so far from all others, in their
-# range. Others reach the faces of the box, at least this share of them, and are mostly background there.
+# range. Padding and others reach the faces of the box, at least this share of them each, and the others are mostly
+# background there.
 _SPIKE = 1e-3
 _AWAY = 0.25
 _OTHERS = 0.05
@@ -49,8 +50,8 @@ def is_signed(values: Floats) -> bool:
 def without_padding(values: Floats, samples: Samples, scale: float, threshold: Any) -> Floats:
     """Return values without those that stand for no measurement; the same array where there are none.
 
-    Padding is one number far from all others, beside which the volume has a background of its own: what is not padding
-    reaches the faces of the box, and is mostly background there.
+    Padding is one number far from all others, beside which the volume has a background of its own: padding reaches the
+    faces of the box, and so does what is not padding, and is mostly background there.
 
     Parameters
     ----------
@@ -75,7 +76,8 @@ def without_padding(values: Floats, samples: Samples, scale: float, threshold: A
         faces = _faces(samples) / scale
         known = faces[faces != end]
         background = known < threshold(others)
-        if known.size >= _OTHERS * faces.size and 2 * int(background.sum()) > known.size:
+        least = _OTHERS * faces.size
+        if least <= known.size <= faces.size - least and 2 * int(background.sum()) > known.size:
             return others
     return values
 

@@ -28,6 +28,8 @@ _RAMP_POINTS = 9
 # times. Up to that, a histogram of square roots still tells the others apart.
 _OUTLYING = 1e-4
 _APART = 100.0
+# Differences of larger numbers may overflow.
+_LARGE = 1e307
 # Sums of float64 resolve the others beside values up to so many times their range.
 _RESOLVED = 1e10
 # Colours of values on both sides of a level.
@@ -88,10 +90,18 @@ def _samples(samples: Samples) -> NDArray[np.float64]:
     return known
 
 
-def usual_value(samples: Samples) -> float:
-    """Return the median of the samples that are not missing; 0 without any."""
+def usual_value(samples: Samples, base: float) -> float:
+    """Return the median of the samples that are not missing, without padding where `base` is padding; 0 without any.
+
+    `base` as it is, where it is an end of the range and no padding.
+    """
     values = _samples(samples)
-    return float(np.median(values)) if values.size else 0.0
+    if not values.size:
+        return 0.0
+    if base not in (float(values.min()), float(values.max())) or float(np.abs(values).max()) > _LARGE:
+        return float(np.median(values))
+    others = without_padding(values, samples, 1.0, _threshold)
+    return base if others.size == values.size or base in others else float(np.median(others))
 
 
 def _between_classes(values: NDArray[np.float64]) -> float:
@@ -225,7 +235,7 @@ def choose_for(
     known = samples_of(samples)
     values = _samples(known)
     # Differences of the largest numbers must not overflow; scaling by a power of two is exact.
-    scale = 4.0 if values.size and float(np.abs(values).max()) > 1e307 else 1.0
+    scale = 4.0 if values.size and float(np.abs(values).max()) > _LARGE else 1.0
     if decades:
         return _scaled(_choose(values / scale, even=True, extremes=extremes), scale)
     values = without_outliers(values / scale, known, scale)

@@ -30,6 +30,8 @@ _A_FEW = 3
 _FAR = 10.0
 # Of fewer kernels than this none is a stray, of fewer than the second number one at most.
 _FEWEST, _SEVERAL = 20, 100
+# Scattered values fade to a base that is so many times their range away.
+_FADING = 2.0
 # Slices so many times as far apart as kernels call for miss much of them.
 COARSE = 2.0
 # Options whose numbers are values of the field, and may be meant for the largest.
@@ -57,6 +59,8 @@ def without_strays(fields: Sequence[Field], look: Mapping[str, Any], *, framed: 
     shown = list(fields)
     if look.get("mode", "composite") in COLORED and not any(look.get(name) is not None for name in _IN_VALUES):
         shown = [_within(one, look.get("clim")) for one in shown]
+        if look.get("clim") is None:
+            _warn_of_fading(shown)
     shown = [_counted_from_usual(one) for one in shown]
     if framed and look.get("slice_spacing") is None:
         shown = [_near(one, shown) if isinstance(one, EllipsoidField) else one for one in shown]
@@ -111,8 +115,25 @@ def _within(field: Field, clim: Any) -> Field:
     return trimmed(field, Trim(limits=(low, high)))
 
 
+def _warn_of_fading(fields: Sequence[Field]) -> None:
+    """Warn of scattered values that all lie far from the base to which they fade."""
+    for one in fields:
+        if not isinstance(one, EllipsoidField) or not one.size or one.ghosts or one.normalization != "threshold":
+            continue
+        low, high = (value - one.base for value in one.value_range)
+        if low < high and max(low, -high) > _FADING * (high - low):
+            low, high = one.value_range
+            warn(
+                f"values {low:g} to {high:g} fade to {one.base:g} where kernels end, through all values between; to "
+                "let them fade to one of theirs, give the field a " + option_ref("base", f"{low:.3g}")
+            )
+            return
+
+
 def _counted_from_usual(field: Field) -> Field:
     """Return a volume whose values are counted from their median, where nobody gave a base and the data have none.
+
+    Padding is none, though many samples have it: kernels would ripple by a share of what the others differ from it.
 
     From the middle of the range, which the law of pictures then takes, the background would be counted too: none of its
     kernels could be left out, sums along rays would have the ripple of the kernels as a share of it, and a single
@@ -122,9 +143,10 @@ def _counted_from_usual(field: Field) -> Field:
         return field
     low, high = field.value_range
     as_summed = field.normalization == "none" and not field.prefilter
-    if field.given_base is not None or as_summed or field.base != 0.5 * low + 0.5 * high:
+    if field.given_base is not None or as_summed or field.base not in (0.5 * low + 0.5 * high, low, high):
         return field
-    return field.replace(base=usual_value(field.samples))
+    base = usual_value(field.samples, field.base)
+    return field if base == field.base else field.replace(base=base)
 
 
 def _reaches(clim: Any, limits: tuple[float, float]) -> bool:

@@ -25,6 +25,7 @@ from sheetsplat.quality.thin import (
     may_be_thin,
     sampled_sums,
     samples_for_ends,
+    slices_for_ends,
     small_kernels,
     unmet_kernels,
 )
@@ -266,7 +267,8 @@ class Choice:
         """Return the scene with its filter, and with what was set, for the plan."""
         if not self._kept:
             scene = self._with_few_slices(self._with_slices_for_light(scene, camera, size), camera, size)
-            scene = self._with_samples_for_means(self._with_samples_for_ends(scene, camera, size), camera, size)
+            scene = self._with_samples_for_ends(self._with_slices_for_ends(scene, camera), camera, size)
+            scene = self._with_samples_for_means(scene, camera, size)
             scene = self._filtered(scene, camera, size)
         return scene.with_quality(self.quality)
 
@@ -318,6 +320,16 @@ class Choice:
         if slices > samples.slices:
             return None, f"one sample a pixel: {several}, with the slices that light calls for, would take too long"
         return samples, f"{several} a pixel, for light that changes within a pixel; frames take twice as long"
+
+    def _with_slices_for_ends(self, scene: Scene, camera: Camera) -> Scene:
+        """Return a scene whose slices cut an x-ray of volumes into whole slabs."""
+        if self._free or "slice_spacing" in self._given or not self._level.filters:
+            return scene
+        spacing = slices_for_ends(scene, camera)
+        if spacing is None:
+            return scene
+        self._set_again("slice_spacing", spacing, "whole slabs of the volume, so that an x-ray has its mass")
+        return scene.replace(slice_spacing=spacing)
 
     def _with_samples_for_ends(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene:
         """Return a scene with several samples a pixel where an x-ray of volumes that end would not have their mass."""

@@ -40,6 +40,9 @@ _COARSE = 0.1
 # faces that count, as a share of the largest.
 _ENOUGH_ACROSS = 200.0
 _JUMP = 1e-3
+# A view is along an axis of the world whose part in its direction is above this; a volume has so many slices at least.
+_ALONG = 1.0 - 1e-6
+_FEWEST_SLICES = 4
 _FACES = ([0, -1], (slice(None), [0, -1]), (slice(None), slice(None), [0, -1]))
 # Pixels and slices on each side of a kernel that are looked at for what it loses; larger ones lose nothing that way.
 _NEIGHBOURS = 4
@@ -242,6 +245,30 @@ def samples_for_ends(scene: Scene, camera: Camera, size: tuple[int, int]) -> int
         pixels = np.ptp(seen, axis=0).min() / _pixel(camera, size)
         count = max(count, math.ceil(_ENOUGH_ACROSS / max(float(pixels), 1.0)))
     return count
+
+
+def slices_for_ends(scene: Scene, camera: Camera) -> float | None:
+    """Return a distance of slices that cut an x-ray of volumes into whole slabs, seen along an axis; None: as it is.
+
+    Slices stand on both sides of the middle. Seen along an axis, all rays have as many inside of a volume, and these
+    are as long as it is if they are an even number: of 3 layers 1 apart they would be 4, two of them on its faces.
+    """
+    if scene.mode != "xray":
+        return None
+    wanted, back = scene.slice_spacing, camera_axes(camera)[2]
+    for one in scene.fields:
+        along = np.flatnonzero(np.abs(back) > _ALONG)
+        if along.size and isinstance(one, RegularField) and one.size and _ends_with_a_jump(one):
+            length = float(_ends(one)[1][along[0]] - _ends(one)[0][along[0]])
+            wanted = min(wanted, length / max(2 * math.ceil(0.5 * length / wanted * (1.0 - 1e-9)), _FEWEST_SLICES))
+    return None if math.isclose(wanted, scene.slice_spacing, rel_tol=1e-9) else wanted
+
+
+def _ends(field: RegularField) -> tuple[Floats, Floats]:
+    """Return the corners of the box where a volume ends."""
+    lower, upper = np.asarray(field.centre_bounds)
+    half = np.full(3, 0.25 * field.spacing[0]) if field.lattice == "bcc" else 0.5 * np.asarray(field.spacing)
+    return lower - half, upper + half
 
 
 def _ends_with_a_jump(field: RegularField) -> bool:

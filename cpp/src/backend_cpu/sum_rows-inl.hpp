@@ -115,11 +115,11 @@ class RowSums {
     template <class Value>
     void add(const Value* values, const Vec3& place, const Vec3& step, std::uint32_t count) {
         for (std::uint32_t i = 0; i < count; i += together) {
-            look_at(place, step, i);
             const int number = static_cast<int>(std::min(together, count - i));
+            look_at(place, step, i, in_vectors(number));
             const Value* own = values + i;
             in_terms([&](auto terms) SHEETSPLAT_CPU_INLINE {
-                factors(terms);
+                factors(terms, in_vectors(number));
                 for (int kernel = 0; kernel < number; ++kernel) {
                     add_one(terms, kernel,
                             static_cast<T>((static_cast<double>(own[kernel]) - counted_from_) * value_scale_));
@@ -140,11 +140,11 @@ class RowSums {
     void add_cut(const KeptOfPixels<T>& kept, const Value* values, const Vec3& place, const Vec3& step,
                  std::uint32_t count) {
         for (std::uint32_t i = 0; i < count; i += together) {
-            look_at(place, step, i);
             const int number = static_cast<int>(std::min(together, count - i));
+            look_at(place, step, i, in_vectors(number));
             const Value* own = values + i;
             in_terms([&](auto terms) SHEETSPLAT_CPU_INLINE {
-                cut_factors(terms, place.z, step.z, i);
+                cut_factors(terms, in_vectors(number), place.z, step.z, i);
                 for (int kernel = 0; kernel < number; ++kernel) {
                     add_one_cut(terms, kept, kernel,
                                 static_cast<T>((static_cast<double>(own[kernel]) - counted_from_) * value_scale_));
@@ -203,15 +203,21 @@ class RowSums {
         }
     }
 
-    /// Where kernels i ... i + together - 1 are; those beyond the end too.
-    HWY_INLINE void look_at(const Vec3& place, const Vec3& step, std::uint32_t i) {
+    /// So many kernels, in whole vectors.
+    [[nodiscard]] static HWY_INLINE int in_vectors(int kernels) {
+        const int lanes = static_cast<int>(hn::Lanes(hn::CappedTag<T, together>()));
+        return (kernels + lanes - 1) / lanes * lanes;
+    }
+
+    /// Where kernels i ... i + kernels - 1 are; those beyond the end too.
+    HWY_INLINE void look_at(const Vec3& place, const Vec3& step, std::uint32_t i, int kernels) {
         const hn::CappedTag<double, 8> d;
         const hn::Rebind<std::int32_t, decltype(d)> d_whole;
         using V = hn::Vec<decltype(d)>;
         const auto all = [&](double number) SHEETSPLAT_CPU_INLINE { return hn::Set(d, number); };
         const V half_x = all(half_x_), half_y = all(half_y_), slices = all(1.0 / static_cast<double>(per_slice_));
         const V one = all(1.0);
-        for (int kernel = 0; kernel < static_cast<int>(together); kernel += static_cast<int>(hn::Lanes(d))) {
+        for (int kernel = 0; kernel < kernels; kernel += static_cast<int>(hn::Lanes(d))) {
             const V along = hn::Iota(d, static_cast<double>(i) + kernel);
             const auto at = [&](double first, double more)
                                 SHEETSPLAT_CPU_INLINE { return hn::MulAdd(along, all(more), all(first)); };
@@ -245,11 +251,11 @@ class RowSums {
 
     /// The Gaussian along columns times sums of those along depth.
     template <class Terms>
-    HWY_INLINE void factors(Terms terms) {
+    HWY_INLINE void factors(Terms terms, int kernels) {
         const hn::CappedTag<T, together> d;
         const int lanes = static_cast<int>(hn::Lanes(d));
         const auto minus_k = hn::Set(d, -profile_.falloff_log2);
-        for (int kernel = 0; kernel < static_cast<int>(together); kernel += lanes) {
+        for (int kernel = 0; kernel < kernels; kernel += lanes) {
             const auto off_z = hn::Load(d, off_z_ + kernel);
             auto sum = hn::Zero(d);
             for (int term = 0; term < terms; ++term) {
@@ -302,9 +308,9 @@ class RowSums {
     /// The first slice in each kernel's support, and the Gaussians along depth on the slices from there on and down its
     /// rows. z: of kernel 0's centre, in slices; step_z: from kernel to kernel.
     template <class Terms>
-    HWY_INLINE void cut_factors(Terms terms, double z, double step_z, std::uint32_t i) {
+    HWY_INLINE void cut_factors(Terms terms, int kernels, double z, double step_z, std::uint32_t i) {
         const double reach = 1.0 / static_cast<double>(per_slice_);
-        for (int kernel = 0; kernel < static_cast<int>(together); ++kernel) {
+        for (int kernel = 0; kernel < kernels; ++kernel) {
             const double centre = z + static_cast<double>(i + static_cast<std::uint32_t>(kernel)) * step_z;
             const double front = std::floor(centre - reach) + 1.0;
             front_[kernel] = static_cast<T>(front);
@@ -318,10 +324,11 @@ class RowSums {
         const auto bell = [&](auto q) SHEETSPLAT_CPU_INLINE {
             return exp2_nonpositive(d, hn::Mul(minus_k, hn::Mul(q, q)));
         };
-        for (int at = 0; at < terms * static_cast<int>(together); at += lanes) {
-            hn::Store(bell(hn::Mul(hn::Load(d, depth_ + at), hn::Set(d, per_slice_))), d, depth_ + at);
-        }
-        for (int kernel = 0; kernel < static_cast<int>(together); kernel += lanes) {
+        for (int kernel = 0; kernel < kernels; kernel += lanes) {
+            for (int term = 0; term < terms; ++term) {
+                T* along = depth_ + term * static_cast<int>(together) + kernel;
+                hn::Store(bell(hn::Mul(hn::Load(d, along), hn::Set(d, per_slice_))), d, along);
+            }
             const auto off_y = hn::Load(d, off_y_ + kernel);
             for (int row = 0; row < rows_; ++row) {
                 const auto q2 = hn::Mul(hn::Add(off_y, hn::Set(d, static_cast<T>(row))), hn::Set(d, Y_));

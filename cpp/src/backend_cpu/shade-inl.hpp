@@ -16,6 +16,7 @@
 #include "effects-inl.hpp"
 #include "groups-inl.hpp"
 #include "hwy/highway.h"
+#include "scene/mode_rules.hpp"
 #include "slab_passes-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -92,8 +93,9 @@ HWY_INLINE void shade_slab(const Shading<T>& shading, const TileShape& shape, co
         return;
     }
     const Slab<T> slab(shading, shape, window, picture);
+    const bool cuts = shading.cuts && slab.cut(uses_intervals(shading.mode, shading.preintegration));
     const auto add = [&](const Slab<T>& of, const T* sheet, T step, T* plane) {
-        shading.cuts ? add_sheet<true>(of, sheet, step, plane) : add_sheet<false>(of, sheet, step, plane);
+        cuts ? add_sheet<true>(of, sheet, step, plane) : add_sheet<false>(of, sheet, step, plane);
     };
     const std::size_t groups = shading.groups.size();
     for (std::size_t group = 0; group < groups && picture.coverage != nullptr && window.n >= 0; ++group) {
@@ -106,12 +108,12 @@ HWY_INLINE void shade_slab(const Shading<T>& shading, const TileShape& shape, co
     if (shading.mode == Mode::xray) {
         add(slab, window.rho[1], shading.scalar_step, picture.scalar);
     } else if (shading.mode == Mode::mip || shading.mode == Mode::minimum) {
-        shading.cuts ? find_extreme<true>(slab) : find_extreme<false>(slab);
+        cuts ? find_extreme<true>(slab) : find_extreme<false>(slab);
     } else if (shading.mode == Mode::average) {
-        shading.cuts ? add_counted<true>(slab) : add_counted<false>(slab);
+        cuts ? add_counted<true>(slab) : add_counted<false>(slab);
     } else if (groups > 1 || shading.several_surfaces) {
         shade_groups(slab);
-    } else if (shading.by_effects) {
+    } else if (shading.by_effects || cuts) {
         shade_with_effects(slab);
     } else {
         shade_without_effects(slab);

@@ -56,6 +56,8 @@ class Effect:
         Quality whose kernels, slices and opacity stop are taken.
     paired
         Whether it is timed together with other effects.
+    beside
+        Options that make of the plain scene what the effect is compared with; None: it is the plain scene.
     """
 
     name: str
@@ -66,6 +68,7 @@ class Effect:
     perspective: bool = False
     quality: str = ""
     paired: bool = True
+    beside: Callable[[Subject], Mapping[str, Any]] | None = None
 
 
 class Subject:
@@ -125,6 +128,24 @@ def _clip(subject: Subject) -> Mapping[str, Any]:
     return {"clip": ss.Clip(planes=[((0, 0, 1), offset)])}
 
 
+def _falling(subject: Subject) -> list[Field]:
+    """Return the field as it falls to its base beyond its samples."""
+    (one,) = subject.base.fields
+    if not isinstance(one, ss.RegularField) or one.boundary != "edge":
+        raise ss.Unsupported("the field has no boundary")
+    return [one.replace(boundary="zero", base=one.base)]
+
+
+def _boundary(name: str, mode: str) -> Effect:
+    return Effect(
+        name,
+        lambda _: {"mode": mode},
+        1.2,
+        paired=False,
+        beside=lambda subject: {"mode": mode, "field": _falling(subject)},
+    )
+
+
 #: What pictures are asked for, with the times over the plain frame that are aimed at.
 EFFECTS: Mapping[str, Effect] = {
     effect.name: effect
@@ -153,6 +174,8 @@ EFFECTS: Mapping[str, Effect] = {
             1.5,
         ),
         Effect("clip", _clip, 1.5),
+        _boundary("boundary", "composite"),
+        *(_boundary(f"boundary {mode}", mode) for mode in ("xray", "average", "mip")),
         Effect("depth cue", lambda subject: {"depth_cue": fitting_depth_cue(subject.base, subject.camera(0))}),
         Effect("float64", settings={"precision": "float64"}, wanted=2.2),
         Effect("good", quality="good", wanted=2.0),
@@ -227,7 +250,8 @@ def measure(
     conditions
         Backend and size.
     plain
-        Renderer of the plain scene, which keeps its index from one call to the next.
+        Renderer of the plain scene, which keeps its index from one call to the next; an effect that is compared with
+        another scene has one of its own.
     frames
         Number of views that are timed, at most `VIEWS`.
     seconds
@@ -247,15 +271,20 @@ def measure(
     began = time.process_time()
     scene = subject.scene(effects, size)
     renderer = conditions.renderer(**settings)
+    base = subject.base
+    for effect in effects:
+        if effect.beside is not None:
+            base, plain = base.replace(**effect.beside(subject)), conditions.renderer()
+            plain.render(base, subject.camera(VIEWS), size=size)
     # The plain picture makes what does not depend on the effects: the index, and the threads.
-    renderer.render(subject.base, subject.camera(VIEWS), size=size)
+    renderer.render(base, subject.camera(VIEWS), size=size)
     first_view = subject.camera(VIEWS + 1, perspective=perspective)
     picture, _, first = clock(lambda: renderer.render(scene, first_view, size=size))
     if scene.mode in COLORED and not np.any(picture.pixels):
         raise ss.Unsupported("the picture is empty")
     timing, beside = Timing(), Timing()
     for view in range(frames):
-        beside.frame(plain, subject.base, subject.camera(view), size)
+        beside.frame(plain, base, subject.camera(view), size)
         picture = timing.frame(renderer, scene, subject.camera(view, perspective=perspective), size)
         if time.process_time() - began > seconds:
             break

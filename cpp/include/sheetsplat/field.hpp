@@ -242,6 +242,7 @@ class RegularField final : public Field {
     /// Keeps samples row after row with mirrored ones at both ends.
     [[nodiscard]] std::shared_ptr<const SampleArray> with_ends(SampleArray&& samples) const;
     void find_rows();
+    void find_outermost_rows();
 
     std::shared_ptr<const SampleArray> samples_, given_;
     std::array<std::size_t, 3> shape_{};
@@ -252,6 +253,9 @@ class RegularField final : public Field {
     std::vector<std::size_t> layers_;            ///< where layers begin
     std::vector<std::vector<std::size_t>> rows_; ///< where rows begin in a layer; BCC: of even and of odd layers
     std::vector<SampleRange> extents_;           ///< kernels of each row; empty: all samples
+    /// Rows that hold all corners of the convex hull of kernels' centres: what any direction's farthest ones lie in.
+    /// Empty: not looked for.
+    std::vector<std::uint32_t> outermost_rows_;
     std::array<double, 2> value_range_{0.0, 0.0}, given_range_{0.0, 0.0};
     std::optional<PrefilterFigures> prefilter_;
     std::size_t kernels_ = 0;

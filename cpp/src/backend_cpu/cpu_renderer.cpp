@@ -238,6 +238,7 @@ struct CpuRenderer::State {
     /// Of the last lattice that was looked up, which is kept so that no other one gets its address.
     std::shared_ptr<const Field> extremes_field;
     double extremes_sign = 1.0;
+    bool extremes_filled = false;
     LatticeExtremes extremes;
     std::vector<TileScratch<float>> scratch_float;
     std::vector<TileScratch<double>> scratch_double;
@@ -300,12 +301,14 @@ struct CpuRenderer::State {
         const RegularPart& part = job.regular.front();
         const std::shared_ptr<const Field>& field = job.scene->fields[part.field];
         const double wanted = job.plan->mode == Mode::minimum ? 1.0 : -1.0;
-        const bool reused = extremes_field == field && extremes_sign == wanted;
+        const bool filled = ExtremeBlocks::filled(*job.scene);
+        const bool reused = extremes_field == field && extremes_sign == wanted && extremes_filled == filled;
         if (!reused) {
             extremes_field.reset();
-            extremes = LatticeExtremes::of(*part.view->field, wanted, *pool, [&] { tell(0.0); });
+            extremes = LatticeExtremes::of(*part.view->field, wanted, filled, *pool, [&] { tell(0.0); });
             extremes_field = field;
             extremes_sign = wanted;
+            extremes_filled = filled;
         }
         image.stats["buckets_reused"] = reused ? 1.0 : 0.0;
         image.stats["seconds_bucket"] = seconds_since(preparing);

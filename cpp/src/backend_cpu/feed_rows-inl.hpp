@@ -106,11 +106,14 @@ class RowFeed {
         batch_ = batches_;
     }
 
-    /// Of `count` neighbouring samples from one at `eye` on, those whose supports half spaces keep as a whole: begin <=
-    /// i < end.
-    [[nodiscard]] std::pair<std::uint32_t, std::uint32_t> wholly_kept(const std::vector<KeptHalfSpace>& kept,
-                                                                      const Vec3& eye, std::uint32_t count) const {
-        Cut cut{0.0, static_cast<double>(count)};
+    /// A half space beside the samples of a row.
+    struct RowCut {
+        Vec3 normal;
+        double distance;
+        double step;  ///< of the distance from its plane, from sample to sample
+        double reach; ///< of a support, towards the plane
+    };
+    [[nodiscard]] std::vector<RowCut> row_cuts(const std::vector<KeptHalfSpace>& kept) const {
         const Vec3 axes = view_.field->semi_axes_world();
         const glm::dmat3 own{axes.x * glm::normalize(view_.step_i), axes.y * glm::normalize(view_.step_j),
                              axes.z * glm::normalize(view_.step_k)};
@@ -119,11 +122,29 @@ class RowFeed {
         const Vec3 wide(view_.extent_x, view_.extent_y, view_.half_depth);
         const Vec3 added =
             wide * wide - Vec3(glm::dot(rows[0], rows[0]), glm::dot(rows[1], rows[1]), glm::dot(rows[2], rows[2]));
+        std::vector<RowCut> cuts;
+        cuts.reserve(kept.size());
         for (const KeptHalfSpace& half : kept) {
             const Vec3 along = half.normal * own;
             const double squared = glm::dot(along, along) + std::max(0.0, glm::dot(half.normal * half.normal, added));
-            cut.keep(glm::dot(half.normal, eye) + half.distance, glm::dot(half.normal, view_.step_i),
-                     std::sqrt(squared) * (1.0 + 1e-9), std::numeric_limits<double>::infinity());
+            cuts.push_back({half.normal, half.distance, glm::dot(half.normal, view_.step_i),
+                            std::sqrt(squared) * (1.0 + 1e-9)});
+        }
+        return cuts;
+    }
+
+    /// Of `count` neighbouring samples from one at `eye` on, those whose supports half spaces keep as a whole: begin <=
+    /// i < end.
+    [[nodiscard]] static std::pair<std::uint32_t, std::uint32_t> wholly_kept(const std::vector<RowCut>& cuts,
+                                                                             const Vec3& eye, std::uint32_t count) {
+        const auto most = static_cast<double>(count);
+        Cut cut{0.0, most};
+        for (const RowCut& half : cuts) {
+            const double at = glm::dot(half.normal, eye) + half.distance - half.reach;
+            // (Mostly all of them are.)
+            if (!(std::min(at, at + (most - 1.0) * half.step) >= 0.0)) {
+                cut.keep(at, half.step, 0.0, std::numeric_limits<double>::infinity());
+            }
         }
         if (!(cut.low < cut.high)) {
             return {0, 0};

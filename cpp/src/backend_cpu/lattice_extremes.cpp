@@ -21,7 +21,7 @@ float rounded_up(double share) {
 
 } // namespace
 
-LatticeExtremes LatticeExtremes::of(const RegularField& field, double sign, ThreadPool& pool,
+LatticeExtremes LatticeExtremes::of(const RegularField& field, double sign, bool filled, ThreadPool& pool,
                                     const std::function<void()>& poll) {
     LatticeExtremes found;
     const bool smallest = sign > 0.0;
@@ -78,8 +78,8 @@ LatticeExtremes LatticeExtremes::of(const RegularField& field, double sign, Thre
                                 }
                             }
                         }
-                        const bool inside = ExtremeBlocks::is_inside(block_k, nk, radius) &&
-                                            ExtremeBlocks::is_inside(block_j, nj, radius);
+                        const bool inside = filled || (ExtremeBlocks::is_inside(block_k, nk, radius) &&
+                                                       ExtremeBlocks::is_inside(block_j, nj, radius));
                         float* bounds = found.bounds_.data() + (k * down + j) * across;
                         for (std::size_t i = 0; i < across; ++i) {
                             const auto block_i = static_cast<int>(i);
@@ -90,8 +90,8 @@ LatticeExtremes LatticeExtremes::of(const RegularField& field, double sign, Thre
                             const auto value = static_cast<double>(
                                 *std::max_element(most.data() + along.begin, most.data() + along.end,
                                                   [&](Value a, Value b) { return beyond(b, a); }));
-                            bounds[i] =
-                                below(sign * (value - base), inside && ExtremeBlocks::is_inside(block_i, ni, radius));
+                            bounds[i] = below(sign * (value - base),
+                                              inside && (filled || ExtremeBlocks::is_inside(block_i, ni, radius)));
                         }
                     }
                 },

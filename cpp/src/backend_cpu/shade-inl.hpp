@@ -93,9 +93,9 @@ HWY_INLINE void shade_slab(const Shading<T>& shading, const TileShape& shape, co
         return;
     }
     const Slab<T> slab(shading, shape, window, picture);
+    const bool cuts = shading.cuts && slab.cut(uses_intervals(shading.mode, shading.preintegration));
     const auto add = [&](const Slab<T>& of, const T* sheet, T step, T* plane, bool weights) {
-        shading.cuts ? add_sheet<true>(of, sheet, step, plane, weights)
-                     : add_sheet<false>(of, sheet, step, plane, weights);
+        cuts ? add_sheet<true>(of, sheet, step, plane, weights) : add_sheet<false>(of, sheet, step, plane, weights);
     };
     const std::size_t groups = shading.groups.size();
     for (std::size_t group = 0; group < groups && picture.coverage != nullptr && window.n >= 0; ++group) {
@@ -110,12 +110,12 @@ HWY_INLINE void shade_slab(const Shading<T>& shading, const TileShape& shape, co
     } else if (shading.mode == Mode::xray) {
         add(slab, window.rho[1], shading.scalar_step, picture.scalar, false);
     } else if (shading.mode == Mode::mip || shading.mode == Mode::minimum) {
-        shading.cuts ? find_extreme<true>(slab) : find_extreme<false>(slab);
+        cuts ? find_extreme<true>(slab) : find_extreme<false>(slab);
     } else if (shading.mode == Mode::average) {
-        shading.cuts ? add_counted<true>(slab) : add_counted<false>(slab);
+        cuts ? add_counted<true>(slab) : add_counted<false>(slab);
     } else if (groups > 1 || shading.several_surfaces) {
         shade_groups(slab);
-    } else if (shading.by_effects) {
+    } else if (shading.by_effects || cuts) {
         shade_with_effects(slab);
     } else {
         shade_without_effects(slab);

@@ -214,6 +214,34 @@ struct Slab {
         return {static_cast<int>(first), static_cast<int>(past)};
     }
 
+    /// Whether anything may take points of the rectangle away, on slice n or, `behind`, on slice n + 1.
+    [[nodiscard]] bool cut(bool behind) const {
+        if (picture.last_kept != nullptr || picture.first_owned != nullptr ||
+            std::any_of(shading.groups.begin(), shading.groups.end(),
+                        [](const GroupShading<T>& of) { return !of.kept.empty(); })) {
+            return true;
+        }
+        const double half_width = 0.5 * (window.rect.x1 - 1 - window.rect.x0);
+        const double half_height = 0.5 * (window.rect.y1 - 1 - window.rect.y0);
+        for (int ahead = 0; ahead <= (behind ? 1 : 0); ++ahead) {
+            const double at_depth = shading.first_depth + static_cast<double>(window.n + ahead) * shading.slice_spacing;
+            const double wide = shading.pixel * (shading.perspective ? at_depth : 1.0);
+            const double over = (shape.x + window.rect.x0 + half_width - shading.axis_x) * wide;
+            const double up = (shading.axis_y - (shape.y + window.rect.y0 + half_height)) * wide;
+            for (const KeptHalfSpace& half : shading.kept) {
+                // (A millionth of a pixel, so that rounding does not count.)
+                const double least =
+                    half.normal.x * over + half.normal.y * up - half.normal.z * at_depth + half.distance -
+                    (std::abs(half.normal.x) * half_width + std::abs(half.normal.y) * half_height + 1e-6) *
+                        std::abs(wide);
+                if (!(least >= 0.0)) {
+                    return true;
+                }
+            }
+        }
+        return false;
+    }
+
     /// Lanes whose point of slice n + ahead is kept: by clipping, which leaves an interval of columns, and by the depth
     /// limit.
     HWY_INLINE M kept(D d, M mask, int ahead, int y, int x, const Columns& columns) const {

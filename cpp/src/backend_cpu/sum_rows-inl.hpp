@@ -115,11 +115,11 @@ class RowSums {
     template <class Value>
     void add(const Value* values, const Vec3& place, const Vec3& step, std::uint32_t count) {
         for (std::uint32_t i = 0; i < count; i += together) {
-            look_at(place, step, i);
             const int number = static_cast<int>(std::min(together, count - i));
+            look_at(place, step, i, in_vectors(number));
             const Value* own = values + i;
             in_terms([&](auto terms) SHEETSPLAT_CPU_INLINE {
-                factors(terms);
+                factors(terms, in_vectors(number));
                 for (int kernel = 0; kernel < number; ++kernel) {
                     add_one(terms, kernel,
                             static_cast<T>((static_cast<double>(own[kernel]) - counted_from_) * value_scale_));
@@ -140,15 +140,17 @@ class RowSums {
     void add_cut(const KeptOfPixels<T>& kept, const Value* values, const Vec3& place, const Vec3& step,
                  std::uint32_t count) {
         for (std::uint32_t i = 0; i < count; i += together) {
-            look_at(place, step, i);
             const int number = static_cast<int>(std::min(together, count - i));
+            look_at(place, step, i, in_vectors(number));
+            const Value* own = values + i;
+            in_terms([&](auto terms) SHEETSPLAT_CPU_INLINE {
+                cut_factors(terms, in_vectors(number), place.z, step.z, i);
+                for (int kernel = 0; kernel < number; ++kernel) {
+                    add_one_cut(terms, kept, kernel,
+                                static_cast<T>((static_cast<double>(own[kernel]) - counted_from_) * value_scale_));
+                }
+            });
             for (int kernel = 0; kernel < number; ++kernel) {
-                const double value =
-                    (static_cast<double>(values[i + static_cast<std::uint32_t>(kernel)]) - counted_from_) *
-                    value_scale_;
-                add_one_cut(kept, kernel,
-                            place.z + static_cast<double>(i + static_cast<std::uint32_t>(kernel)) * step.z,
-                            static_cast<T>(value));
                 sections_ += static_cast<std::uint64_t>(sections_of_[kernel]);
             }
             added_ += together;
@@ -201,15 +203,21 @@ class RowSums {
         }
     }
 
-    /// Where kernels i ... i + together - 1 are; those beyond the end too.
-    HWY_INLINE void look_at(const Vec3& place, const Vec3& step, std::uint32_t i) {
+    /// So many kernels, in whole vectors.
+    [[nodiscard]] static HWY_INLINE int in_vectors(int kernels) {
+        const int lanes = static_cast<int>(hn::Lanes(hn::CappedTag<T, together>()));
+        return (kernels + lanes - 1) / lanes * lanes;
+    }
+
+    /// Where kernels i ... i + kernels - 1 are; those beyond the end too.
+    HWY_INLINE void look_at(const Vec3& place, const Vec3& step, std::uint32_t i, int kernels) {
         const hn::CappedTag<double, 8> d;
         const hn::Rebind<std::int32_t, decltype(d)> d_whole;
         using V = hn::Vec<decltype(d)>;
         const auto all = [&](double number) SHEETSPLAT_CPU_INLINE { return hn::Set(d, number); };
         const V half_x = all(half_x_), half_y = all(half_y_), slices = all(1.0 / static_cast<double>(per_slice_));
         const V one = all(1.0);
-        for (int kernel = 0; kernel < static_cast<int>(together); kernel += static_cast<int>(hn::Lanes(d))) {
+        for (int kernel = 0; kernel < kernels; kernel += static_cast<int>(hn::Lanes(d))) {
             const V along = hn::Iota(d, static_cast<double>(i) + kernel);
             const auto at = [&](double first, double more)
                                 SHEETSPLAT_CPU_INLINE { return hn::MulAdd(along, all(more), all(first)); };
@@ -243,11 +251,11 @@ class RowSums {
 
     /// The Gaussian along columns times sums of those along depth.
     template <class Terms>
-    HWY_INLINE void factors(Terms terms) {
+    HWY_INLINE void factors(Terms terms, int kernels) {
         const hn::CappedTag<T, together> d;
         const int lanes = static_cast<int>(hn::Lanes(d));
         const auto minus_k = hn::Set(d, -profile_.falloff_log2);
-        for (int kernel = 0; kernel < static_cast<int>(together); kernel += lanes) {
+        for (int kernel = 0; kernel < kernels; kernel += lanes) {
             const auto off_z = hn::Load(d, off_z_ + kernel);
             auto sum = hn::Zero(d);
             for (int term = 0; term < terms; ++term) {
@@ -297,46 +305,66 @@ class RowSums {
         }
     }
 
-    /// z: of the centre, in slices.
-    HWY_NOINLINE void add_one_cut(const KeptOfPixels<T>& kept, int kernel, double z, T value_t) {
+    /// The first slice in each kernel's support, and the Gaussians along depth on the slices from there on and down its
+    /// rows. z: of kernel 0's centre, in slices; step_z: from kernel to kernel.
+    template <class Terms>
+    HWY_INLINE void cut_factors(Terms terms, int kernels, double z, double step_z, std::uint32_t i) {
+        const double reach = 1.0 / static_cast<double>(per_slice_);
+        for (int kernel = 0; kernel < kernels; ++kernel) {
+            const double centre = z + static_cast<double>(i + static_cast<std::uint32_t>(kernel)) * step_z;
+            const double front = std::floor(centre - reach) + 1.0;
+            front_[kernel] = static_cast<T>(front);
+            for (int term = 0; term < terms; ++term) {
+                depth_[term * static_cast<int>(together) + kernel] = static_cast<T>(front + term - centre);
+            }
+        }
+        const hn::CappedTag<T, together> d;
+        const int lanes = static_cast<int>(hn::Lanes(d));
+        const auto minus_k = hn::Set(d, -profile_.falloff_log2);
+        const auto bell = [&](auto q) SHEETSPLAT_CPU_INLINE {
+            return exp2_nonpositive(d, hn::Mul(minus_k, hn::Mul(q, q)));
+        };
+        for (int kernel = 0; kernel < kernels; kernel += lanes) {
+            for (int term = 0; term < terms; ++term) {
+                T* along = depth_ + term * static_cast<int>(together) + kernel;
+                hn::Store(bell(hn::Mul(hn::Load(d, along), hn::Set(d, per_slice_))), d, along);
+            }
+            const auto off_y = hn::Load(d, off_y_ + kernel);
+            for (int row = 0; row < rows_; ++row) {
+                const auto q2 = hn::Mul(hn::Add(off_y, hn::Set(d, static_cast<T>(row))), hn::Set(d, Y_));
+                hn::Store(bell(q2), d, factors_ + row * static_cast<int>(together) + kernel);
+            }
+        }
+    }
+
+    template <class Terms>
+    HWY_INLINE void add_one_cut(Terms terms, const KeptOfPixels<T>& kept, int kernel, T value_t) {
         const hn::CappedTag<T, TileShape::padding> d;
         const int lanes = static_cast<int>(hn::Lanes(d));
         const int row = row_[kernel], column = column_[kernel];
         const int top = std::max(0, -row), bottom = std::min(rows_, tile_.height - row);
         const int start = std::max(column & ~(lanes - 1), -margin), end = std::min(past_[kernel], tile_.width);
         const auto zero = hn::Zero(d), value = hn::Set(d, value_t), minus_k = hn::Set(d, -profile_.falloff_log2);
-        const auto edge = hn::Set(d, profile_.edge);
-        const auto bell_of = [&](T q) SHEETSPLAT_CPU_INLINE {
-            return hn::GetLane(exp2_nonpositive(d, hn::Mul(minus_k, hn::Set(d, q * q))));
-        };
-        // Gaussians along depth and down the rows, then the pixels of each column of vectors.
-        const double reach = 1.0 / static_cast<double>(per_slice_);
-        const double nearest = std::ceil(z - reach);
-        T along[most_factors], down[most_factors];
-        int slices = 0;
-        for (double slice = nearest; slice <= z + reach && slices < most_factors; slice += 1.0) {
-            along[slices++] = bell_of(static_cast<T>(slice - z) * per_slice_);
-        }
-        for (int y = top; y < bottom; ++y) {
-            down[y] = bell_of((off_y_[kernel] + static_cast<T>(y)) * Y_);
-        }
-        const auto front = hn::Set(d, static_cast<T>(nearest)), one = hn::Set(d, T(1));
+        const auto edge = hn::Set(d, profile_.edge), front = hn::Set(d, front_[kernel]);
         for (int x = start; x < end; x += lanes) {
             const auto q1 =
                 hn::Mul(hn::Add(hn::Iota(d, static_cast<T>(x - column)), hn::Set(d, off_x_[kernel])), hn::Set(d, X_));
             const auto bell = exp2_nonpositive(d, hn::Mul(minus_k, hn::Mul(q1, q1)));
-            for (int y = top; y < bottom; ++y) {
-                const auto across = hn::Mul(bell, hn::Set(d, down[y]));
-                const auto first = hn::LoadU(d, kept.first(row + y) + x), last = hn::LoadU(d, kept.last(row + y) + x);
-                auto number = front, sum = zero;
-                for (int slice = 0; slice < slices; ++slice) {
+            T* to = sums_ + static_cast<std::ptrdiff_t>(row + top) * stride_ + x;
+            const T* down = factors_ + top * static_cast<int>(together) + kernel;
+            for (int y = top; y < bottom; ++y, to += stride_, down += together) {
+                const auto across = hn::Mul(bell, hn::Set(d, *down));
+                const auto first = hn::Sub(hn::Load(d, kept.first(row + y) + x), front);
+                const auto last = hn::Sub(hn::Load(d, kept.last(row + y) + x), front);
+                auto sum = zero;
+                for (int term = 0; term < terms; ++term) {
+                    const auto along = hn::Set(d, depth_[term * static_cast<int>(together) + kernel]);
+                    const auto number = hn::Set(d, static_cast<T>(term));
                     const auto inside = hn::And(hn::Le(first, number), hn::Ge(last, number));
-                    const auto own = hn::Max(hn::MulSub(across, hn::Set(d, along[slice]), edge), zero);
+                    const auto own = hn::Max(hn::MulSub(across, along, edge), zero);
                     sum = hn::Add(sum, hn::IfThenElseZero(inside, own));
-                    number = hn::Add(number, one);
                 }
-                T* to = sums_ + static_cast<std::ptrdiff_t>(row + y) * stride_ + x;
-                hn::StoreU(hn::MulAdd(value, sum, hn::LoadU(d, to)), d, to);
+                hn::Store(hn::MulAdd(value, sum, hn::Load(d, to)), d, to);
             }
         }
     }
@@ -355,7 +383,8 @@ class RowSums {
     // Of some kernels at once: pixels from the centre to the first row and column, and slices to the nearest one.
     HWY_ALIGN T off_x_[together], off_y_[together], off_z_[together];
     HWY_ALIGN std::int32_t column_[together], past_[together], row_[together], sections_of_[together];
-    HWY_ALIGN T depth_[most_factors * together];
+    HWY_ALIGN T front_[together]; ///< of kernels that clipping cuts: the first slice in their supports
+    HWY_ALIGN T depth_[most_factors * together];   ///< [term][kernel]
     HWY_ALIGN T factors_[most_factors * together]; ///< [row][term][kernel]
 };
 

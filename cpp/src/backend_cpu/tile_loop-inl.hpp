@@ -143,13 +143,18 @@ class TileLoop {
                         scratch_.lattices[part].view->value_scale, scratch_.lattices[part].view->field->counted_from(),
                         shape_, setup_.shading->scalar_step, scratch_, scratch_.planes.scalar);
         const Vec3 step = feed.step_of_places();
+        const auto cuts = feed.row_cuts(setup_.shading->kept);
         feed.for_each_stretch([&](const auto* values, const Vec3& eye, std::uint32_t count) {
             const Vec3 place = feed.place_of(eye);
             if (!kept_) {
                 sums.add(values, place, step, count);
                 return;
             }
-            const auto [begin, end] = feed.wholly_kept(setup_.shading->kept, eye, count);
+            const auto [begin, end] = feed.wholly_kept(cuts, eye, count);
+            if (begin == 0 && end == count) {
+                sums.add(values, place, step, count);
+                return;
+            }
             const auto from = [&](std::uint32_t i) { return place + static_cast<double>(i) * step; };
             sums.add_cut(*kept_, values, place, step, begin);
             sums.add(values + begin, from(begin), step, end - begin);

@@ -109,11 +109,11 @@ std::string CountedFields::why_shown(const Scene& scene, const Camera& camera, S
         const double wanted = std::min(std::exp2(std::ceil(std::log2(std::max(layers, 1.0)))), most);
         const auto samples = static_cast<std::size_t>(wanted);
         Entry& entry = entry_of(field);
-        if (entry.looked_at != samples) {
-            entry.range = lattice.range_near_ends(samples);
-            entry.looked_at = samples;
+        auto range = entry.ranges.find(samples);
+        if (range == entry.ranges.end()) {
+            range = entry.ranges.emplace(samples, lattice.range_near_ends(samples)).first;
         }
-        const auto [low, high] = entry.range;
+        const auto [low, high] = range->second;
         if (is_scalar(scene.mode)) {
             if (scene.mode == Mode::xray && lattice.base() == 0.0 && low == 0.0 && high == 0.0) {
                 continue;
@@ -128,7 +128,12 @@ std::string CountedFields::why_shown(const Scene& scene, const Camera& camera, S
             query.iso_values.push_back(iso.value);
         }
         const VisibleFrom from = visible_from(query);
-        const double weight = largest_weight(lattice, scene.filter == Filter::ewa ? filter_gain : 0.0);
+        const double gain = scene.filter == Filter::ewa ? filter_gain : 0.0;
+        auto known = entry.weights.find(gain);
+        if (known == entry.weights.end()) {
+            known = entry.weights.emplace(gain, largest_weight(lattice, gain)).first;
+        }
+        const double weight = known->second;
         const bool at_base = !query.isosurface && !group.transfer_function->transparent_over(0.0, 0.0);
         if (at_base || high * weight >= from.above || -low * weight >= from.below) {
             return "something shows at the volume's boundary";

@@ -4,6 +4,8 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -31,8 +33,8 @@ class CountedFields {
     struct Entry {
         std::weak_ptr<const Field> field;
         std::shared_ptr<const RegularField> mirrored, endless;
-        std::size_t looked_at = 0; ///< samples from the ends
-        std::array<double, 2> range{0.0, 0.0};
+        std::map<std::size_t, std::array<double, 2>> ranges; ///< of so many samples from the ends
+        std::map<double, double> weights;                    ///< largest_weight, by what a filter gains
     };
     Entry& entry_of(const std::shared_ptr<const Field>& field);
     [[nodiscard]] std::string why_shown(const Scene& scene, const Camera& camera, Size size, const Outputs& outputs);

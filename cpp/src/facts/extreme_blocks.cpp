@@ -32,11 +32,12 @@ bool is_number(Value value) {
 template <class Value>
 class LatticeSums {
   public:
-    LatticeSums(const RegularField& field, const std::vector<Value>& samples, double peak, double sign)
+    LatticeSums(const RegularField& field, const std::vector<Value>& samples, double peak, double sign, bool filled)
         : field_(field), samples_(samples), shape_(field.shape()), radius_(field.options().radius),
           half_(static_cast<std::int64_t>(std::ceil(std::max(radius_, 1.0)))),
           falloff_(field.kernel().falloff / (radius_ * radius_)), edge_(field.kernel().edge()),
-          weights_(ExtremeBlocks::weights(field, peak)), counted_from_(field.counted_from()), sign_(sign) {}
+          weights_(ExtremeBlocks::weights(field, peak)), counted_from_(field.counted_from()), sign_(sign),
+          filled_(filled) {}
 
     /// Of the points in the block of a place (index coordinates), what sign times rho is not less than. (Ripples of the
     /// sum of weights are neglected where it is above 0.)
@@ -47,7 +48,7 @@ class LatticeSums {
         }
         bool inside = true;
         for (std::size_t axis = 0; axis < 3; ++axis) {
-            inside = inside && ExtremeBlocks::is_inside(block[axis], shape_[2 - axis], radius_);
+            inside = inside && (filled_ || ExtremeBlocks::is_inside(block[axis], shape_[2 - axis], radius_));
         }
         // Kernels of all sums that have less weight than those inside: towards 0.
         double least = inside ? std::numeric_limits<double>::max() : 0.0;
@@ -137,6 +138,7 @@ class LatticeSums {
     const double falloff_, edge_;
     const double weights_;
     const double counted_from_, sign_;
+    const bool filled_;
 };
 
 /// The points of a ray that are kept and where kernels may reach: start + n step, begin <= n < end, index coordinates.
@@ -231,12 +233,16 @@ bool ExtremeBlocks::is_inside(int b, std::size_t samples, double radius) {
     return low >= -1.0 && high <= static_cast<double>(samples);
 }
 
+bool ExtremeBlocks::filled(const Scene& scene) {
+    return scene.counted && scene.counted->mirrored && scene.counted->filled && !scene.part;
+}
+
 double ExtremeBlocks::weights(const RegularField& field, double ripple) {
     return ripple * field.lattice_constant() / field.kernel().gain();
 }
 
-ExtremeFacts extreme_facts(const RegularField& field, double peak, double sign, const std::vector<Clip::Plane>& kept,
-                           const Camera& camera, const Frame& frame) {
+ExtremeFacts extreme_facts(const RegularField& field, double peak, double sign, bool filled,
+                           const std::vector<Clip::Plane>& kept, const Camera& camera, const Frame& frame) {
     if (frame.slices == 0 || field.size() == 0) {
         return {};
     }
@@ -246,7 +252,7 @@ ExtremeFacts extreme_facts(const RegularField& field, double peak, double sign, 
     return std::visit(
         [&](const auto& samples) {
             using Value = typename std::decay_t<decltype(samples)>::value_type;
-            const LatticeSums<Value> lattice(field, samples, peak, sign);
+            const LatticeSums<Value> lattice(field, samples, peak, sign, filled);
             std::vector<double> bounds;
             const auto [least, greatest] = field.value_range();
             const double farthest =

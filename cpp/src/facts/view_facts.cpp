@@ -131,7 +131,8 @@ ViewFacts view_facts(const Scene& scene, const Camera& camera, const Frame& fram
         const auto peak = facts.lattice_peaks.find(lattice);
         facts.extremes =
             extreme_facts(*lattice, peak != facts.lattice_peaks.end() ? peak->second : 0.0,
-                          scene.mode == Mode::minimum ? 1.0 : -1.0, scene.clip.half_spaces(), camera, frame);
+                          scene.mode == Mode::minimum ? 1.0 : -1.0, ExtremeBlocks::filled(scene), scene.clip.half_spaces(),
+                          camera, frame);
     }
     return facts;
 }

@@ -143,6 +143,30 @@ RegularField::RegularField(const RegularField& inner, Mirrored)
             }
         },
         *samples_);
+    find_outermost_rows();
+}
+
+void RegularField::find_outermost_rows() {
+    const auto [nk, nj, ni] = shape_;
+    // (Layers of a BCC lattice lie over the next but one.)
+    const std::size_t apart = options_.lattice == Lattice::bcc ? 2 : 1;
+    const auto extent = [&, nj = nj](std::size_t j, std::size_t k) { return extents_[k * nj + j]; };
+    for (std::size_t k = 0; k < nk; ++k) {
+        for (std::size_t j = 0; j < nj; ++j) {
+            const SampleRange own = extent(j, k);
+            const auto alike = [&own](const SampleRange& other) {
+                return other.begin == own.begin && other.end == own.end;
+            };
+            // What lies in the middle between others is no corner.
+            const bool in_layer = j > 0 && j + 1 < nj && alike(extent(j - 1, k)) && alike(extent(j + 1, k));
+            const bool between_layers =
+                k >= apart && k + apart < nk && alike(extent(j, k - apart)) && alike(extent(j, k + apart));
+            if (own.begin < own.end && !in_layer && !between_layers) {
+                outermost_rows_.push_back(static_cast<std::uint32_t>(k * nj + j));
+            }
+        }
+    }
+    outermost_rows_.shrink_to_fit();
 }
 
 RegularField::RegularField(const RegularField& inner, Endless)

@@ -119,7 +119,8 @@ TEST(ExtremeFacts, TellFewSamplesFromMany) {
             std::move(samples), std::array<std::size_t, 3>{edge, edge, edge}, test::zero_boundary());
         Scene scene{{field}, TransferFunction({{0.0, {1, 1, 1}, 0.0}, {1.0, {1, 1, 1}, 0.5}})};
         const Camera camera = Camera::fit(field->supports_world(), Vec3(0.4, 0.3, -1.0), Vec3(0.0, 1.0, 0.0));
-        return extreme_facts(*field, 1.01, smallest ? 1.0 : -1.0, kept, camera, make_frame(scene, camera, {60, 60}));
+        return extreme_facts(*field, 1.01, smallest ? 1.0 : -1.0, false, kept, camera,
+                             make_frame(scene, camera, {60, 60}));
     };
     const ExtremeFacts few = facts(true), many = facts(false);
     EXPECT_NEAR(few.drawn, 0.02, 0.01);

@@ -21,8 +21,9 @@ namespace sheetsplat::backend_cpu {
 /// is the smallest number in both modes.
 class LatticeExtremes {
   public:
-    /// field: ExtremeBlocks must fit. sign: of rho, 1 or -1. poll: as ThreadPool::run takes it. Throws OutOfMemory.
-    static LatticeExtremes of(const RegularField& field, double sign, ThreadPool& pool,
+    /// field: ExtremeBlocks must fit. sign: of rho, 1 or -1. filled: all samples that could reach the points that are
+    /// asked for are there. poll: as ThreadPool::run takes it. Throws OutOfMemory.
+    static LatticeExtremes of(const RegularField& field, double sign, bool filled, ThreadPool& pool,
                               const std::function<void()>& poll = {});
 
     /// Blocks along i, j and k (ExtremeBlocks).

@@ -88,10 +88,10 @@ struct Shading {
     bool open_front = false; ///< isosurface: nothing crosses before slice 0
     bool gradient = false;   ///< for light, or for opacity
     bool lit = false;
-    /// Rows go through the effects one after the other: of what follows, anything is on, or preintegration of second
-    /// order.
-    bool by_effects = false;
     bool cuts = false; ///< clip, depth limit or the cell of a part take points of slices away
+    /// Rows go through the effects one after the other, and not only where points are taken away: of what follows,
+    /// anything is on, or preintegration of second order.
+    bool by_effects = false;
     bool analytic_gradient = false;
     bool gradient_opacity = false;
     bool depth_cue = false;

@@ -33,6 +33,9 @@ struct ExtremeBlocks {
     [[nodiscard]] static Samples reaching_into(int b, std::size_t samples, double radius);
     /// Whether all samples that could reach into block b are there.
     [[nodiscard]] static bool is_inside(int b, std::size_t samples, double radius);
+    /// Whether all samples that could reach a point that shows are there, in each block: those of a volume with its
+    /// mirrored samples, which ends within them.
+    [[nodiscard]] static bool filled(const Scene& scene);
     /// The sum of max(0, exp(-k r^2) - exp(-k)) over all samples where W / C is `ripple`.
     [[nodiscard]] static double weights(const RegularField& field, double ripple);
 };
@@ -47,9 +50,9 @@ struct ExtremeFacts {
     /// Of the samples of the blocks that they cross, the share that is not 0: those that sheets are summed from.
     double drawn = 0.0;
 };
-/// field: must fit; peak: largest W / C; sign: of rho, whose smallest number is looked for; kept: half spaces outside
-/// of which nothing shows.
-ExtremeFacts extreme_facts(const RegularField& field, double peak, double sign, const std::vector<Clip::Plane>& kept,
-                           const Camera& camera, const Frame& frame);
+/// field: must fit; peak: largest W / C; sign: of rho, whose smallest number is looked for; filled: all samples that
+/// could reach the points that show are there; kept: half spaces outside of which nothing shows.
+ExtremeFacts extreme_facts(const RegularField& field, double peak, double sign, bool filled,
+                           const std::vector<Clip::Plane>& kept, const Camera& camera, const Frame& frame);
 
 } // namespace sheetsplat

@@ -127,8 +127,8 @@ class RowFeed {
         for (const KeptHalfSpace& half : kept) {
             const Vec3 along = half.normal * own;
             const double squared = glm::dot(along, along) + std::max(0.0, glm::dot(half.normal * half.normal, added));
-            cuts.push_back({half.normal, half.distance, glm::dot(half.normal, view_.step_i),
-                            std::sqrt(squared) * (1.0 + 1e-9)});
+            cuts.push_back(
+                {half.normal, half.distance, glm::dot(half.normal, view_.step_i), std::sqrt(squared) * (1.0 + 1e-9)});
         }
         return cuts;
     }

@@ -173,8 +173,8 @@ void add_effects(const Scene& scene, const Camera& camera, const Frame& frame, c
         shading.openness = by_surfaces ? VolumeLookup{} : lookup_of(*volumes->openness, camera, frame);
         shading.occlusion_strength = static_cast<T>(inputs.occlusion_strength);
     }
-    shading.by_effects = shading.second_order || shading.analytic_gradient ||
-                         shading.gradient_opacity || shading.depth_cue || shading.shadows || shading.occlusion;
+    shading.by_effects = shading.second_order || shading.analytic_gradient || shading.gradient_opacity ||
+                         shading.depth_cue || shading.shadows || shading.occlusion;
 }
 
 } // namespace

@@ -321,9 +321,8 @@ class RowSums {
         const hn::CappedTag<T, together> d;
         const int lanes = static_cast<int>(hn::Lanes(d));
         const auto minus_k = hn::Set(d, -profile_.falloff_log2);
-        const auto bell = [&](auto q) SHEETSPLAT_CPU_INLINE {
-            return exp2_nonpositive(d, hn::Mul(minus_k, hn::Mul(q, q)));
-        };
+        const auto bell = [&](auto q)
+                              SHEETSPLAT_CPU_INLINE { return exp2_nonpositive(d, hn::Mul(minus_k, hn::Mul(q, q))); };
         for (int kernel = 0; kernel < kernels; kernel += lanes) {
             for (int term = 0; term < terms; ++term) {
                 T* along = depth_ + term * static_cast<int>(together) + kernel;
@@ -383,7 +382,7 @@ class RowSums {
     // Of some kernels at once: pixels from the centre to the first row and column, and slices to the nearest one.
     HWY_ALIGN T off_x_[together], off_y_[together], off_z_[together];
     HWY_ALIGN std::int32_t column_[together], past_[together], row_[together], sections_of_[together];
-    HWY_ALIGN T front_[together]; ///< of kernels that clipping cuts: the first slice in their supports
+    HWY_ALIGN T front_[together];                  ///< of kernels that clipping cuts: the first slice in their supports
     HWY_ALIGN T depth_[most_factors * together];   ///< [term][kernel]
     HWY_ALIGN T factors_[most_factors * together]; ///< [row][term][kernel]
 };

@@ -443,8 +443,7 @@ void check_parts(const Scene& scene, const DrawPlan& plan) {
             if (scene.fields[field]->least_weight() > 0.0) {
                 // Its sheets hold one sum of weights, which cannot tell that each of the fields is empty.
                 refuse_scene("the output coverage of fields that add up, where samples of one are missing",
-                             "fields without missing samples, or one field",
-                             "leave out the output");
+                             "fields without missing samples, or one field", "leave out the output");
             }
         }
     }

@@ -127,14 +127,7 @@ def test_halves_are_the_whole_where_no_mirrored_sample_reaches(way: str, side: i
 PARTED = ("composite", "stopped", "analytic", "isosurface")
 
 
-@pytest.mark.parametrize(
-    ("way", "view", "backend"),
-    [
-        *cases(PARTED, list(VIEWS), few_by=["reference"]),
-        # Sums of scalars of volumes that end in different places are the reference's alone.
-        *((way, view, "reference") for way, view in zip(SCALAR, 2 * list(VIEWS), strict=True)),
-    ],
-)
+@pytest.mark.parametrize(("way", "view", "backend"), cases((*PARTED, *SCALAR), list(VIEWS), few_by=FEW_BY))
 def test_two_halves_are_the_whole(way: str, view: str, renderer: ss.Renderer) -> None:
     """Of samples that repeat every other layer, which are mirror images in each layer's plane: no gap, no overlap."""
     whole = noise(3, (ACROSS, ACROSS, 2))[..., np.arange(ALONG) % 2]
@@ -166,29 +159,18 @@ def test_intervals_that_the_near_plane_opens_know_where_groups_end(
     assert distance(drawn(cpu_renderer, parts).pixels, expected).within(FLOAT32)
 
 
-REFUSED: dict[str, tuple[str, dict[str, Any], str]] = {
-    "ends of scalars": ("cpu", {"mode": "mip"}, "sums of scalars"),
-    "ends of shadows": ("cpu", {"mode": "isosurface", "iso_value": [(0.5, 1.0)], "shadows": True}, "of isosurfaces"),
-    "bases of shadows": ("cpu", {"mode": "isosurface", "iso_value": [(0.5, 1.0)], "shadows": True}, "different bases"),
-    "ends on OpenGL": ("gl", {}, "transfer functions of their own that end"),
-}
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[pytest.mark.gl] if "OpenGL" in name else []) for name in REFUSED]
-)
-def test_what_cannot_be_drawn_together_is_refused_with_each_advice_once(
-    name: str, request: pytest.FixtureRequest, reference_renderer: ss.Renderer
+@pytest.mark.gl
+def test_what_a_backend_cannot_draw_is_refused_with_each_advice_once(
+    gl_renderer: ss.Renderer, cpu_renderer: ss.Renderer
 ) -> None:
-    backend, options, words = REFUSED[name]
-    values, bases = noise(9, (4, 4, 4)), (0.0, 0.25) if "bases" in name else (0.0, 0.0)
-    fields = [lattice(values, 2 * number * ("ends" in name), base=base) for number, base in enumerate(bases)]
-    parts = scene_parts.parts(fields, lit=options.get("mode") != "mip", size=(6, 5), **options)
-    parts |= {"groups": [[0], [1]], "transfer": [parts["transfer"]] * 2}
-    with pytest.raises(ss.Unsupported, match=words) as refusal:
-        drawn(request.getfixturevalue(f"{backend}_renderer"), parts)
+    values = noise(9, (4, 4, 4))
+    holes = values.copy()
+    holes[1:3, 1:3, 1:3] = np.nan
+    parts = scene_parts.parts([lattice(holes, 0, nan="skip"), lattice(values, 0)], lit=False, size=(6, 5))
+    with pytest.raises(ss.Unsupported, match="coverage of fields that add up") as refusal:
+        drawn(gl_renderer, parts, ("coverage",))
     assert refusal.value.advice.count("backend=") == 1 and "which draws it" in refusal.value.advice
-    drawn(reference_renderer, parts)
+    drawn(cpu_renderer, parts, ("coverage",))
 
 
 # Values counted from a base

@@ -44,9 +44,9 @@ def holds_ellipsoids(source: Source) -> bool:
 def read_npz(source: Source, scalar: str | None = None) -> Scattered:
     """Read ellipsoids: arrays centers (N, 3), scales (N, 3) or (N,), or radii (N,), values, rotations, weights.
 
-    Rotations are quaternions w, x, y, z, (N, 4). The numbers w0, falloff, cell_volume and base and the text normalization
-    of `save_npz` are optional. Without scales and radii the rows are points. Every other array of N rows can be the
-    scalar; "values" unless another is named.
+    Rotations are quaternions w, x, y, z, (N, 4). The numbers w0, falloff, cell_volume and base and the text
+    normalization of `save_npz` are optional. Without scales and radii the rows are points. Every other array of N rows
+    can be the scalar; "values" unless another is named.
 
     Raises
     ------

@@ -70,7 +70,9 @@ def spelled_in_python(option: OptionRef) -> str:
     """Return an option as a keyword argument: ``allow_inexact=True``, ``nan="skip"``, ``max_error``."""
     if not option.value:
         return option.name
-    literal = option.value in _CONSTANTS or _NUMBER.fullmatch(option.value)
+    # (A kind of sums is called "none".)
+    constant = option.value in _CONSTANTS and option.name != "normalization"
+    literal = constant or _NUMBER.fullmatch(option.value)
     value = _CONSTANTS.get(option.value, option.value) if literal else f'"{option.value}"'
     return f"{option.name}={value}"
 

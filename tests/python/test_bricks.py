@@ -118,6 +118,16 @@ MODES: tuple[dict[str, Any], ...] = (
 )
 
 
+@pytest.mark.parametrize("radius", [1.5, 2.5])
+def test_kernels_that_end_where_the_domain_does_are_none(radius):
+    """Squares of their distances are exact: 4.5 and 12.5 layers of a BCC lattice."""
+    values = np.random.default_rng(0).random((10, 9, 12))
+    options = {"lattice": "bcc", "radius": radius, "falloff": 4.0}
+    whole, parts = ss.RegularField(values, **options), ss.open_bricks(values, brick=8, **options)
+    points = np.random.default_rng(1).uniform(-1, 12, (2000, 3))
+    assert np.abs(whole.at(points) - parts.at(points)).max() < 1e-12
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 2, 7, 64])
 @pytest.mark.parametrize("which", ["cartesian", "uneven", "bcc", "needles"])

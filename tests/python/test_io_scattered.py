@@ -38,6 +38,19 @@ def test_log_of_a_volume(tmp_path):
         ss.open(path, log=True)
 
 
+def test_saved_kernels_keep_their_base(tmp_path):
+    centers = np.random.default_rng(1).random((20, 3))
+    field = ss.EllipsoidField(centers, np.full(20, 0.2), values=290 + centers[:, 0], base=290.0)
+    ss.io.save_npz(field, tmp_path / "a.npz")
+    opened = ss.open(tmp_path / "a.npz")
+    assert opened.base == 290 and np.array_equal(opened.at(centers), field.at(centers))
+    assert ss.open(tmp_path / "a.npz", base=280.0).base == 280
+    # A column of that name is a scalar as any other.
+    np.savez(tmp_path / "b.npz", centers=centers, scales=np.full(20, 0.2), base=centers[:, 1])
+    other = ss.open(tmp_path / "b.npz", scalar="base")
+    assert other.base == 0 and np.array_equal(other.values, centers[:, 1])
+
+
 def test_options_that_mean_nothing_for_a_file_are_refused(tmp_path):
     csv = stored(tmp_path / "t.csv", CSV["commas"].encode())
     npy = tmp_path / "v.npy"

@@ -1,4 +1,4 @@
-"""Groups of fields that end in different places, on the processor and by OpenGL, against the reference."""
+"""Groups that end in different places, and fields with holes, on the processor and by OpenGL, against the reference."""
 
 from __future__ import annotations
 
@@ -141,3 +141,20 @@ def test_coverage_counts_the_weights_beside_holes(apart: bool, backend: str, ref
     image = renderer.render(scene, camera, size=(12, 12), outputs=("coverage",))
     assert distance(expected.coverage, image.coverage) < 1e-6
     assert distance(expected.pixels, image.pixels) < 1e-6
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_xrays_pass_over_points_beside_missing_samples(backend: str, reference_renderer: ss.Renderer) -> None:
+    rng = np.random.default_rng(0)
+    samples = rng.uniform(1, 2, (6, 6, 6))
+    samples[rng.random(samples.shape) < 0.6] = np.nan
+    samples[0, 0, :] = 0
+    field = ss.RegularField(samples, nan="skip")
+    assert field.base == 0
+    scene = ss.Scene(field, ss.TransferFunction([(0, 0, 0, 0, 0), (1, 1, 1, 1, 1)]), mode="xray")
+    camera = ss.Camera.fit(field, direction=(1, 1, 1), margin=1.1)
+    expected = reference_renderer.render(scene, camera, size=(40, 40))
+    assert distance(expected.pixels, ss.Renderer(backend=backend).render(scene, camera, size=(40, 40)).pixels) < 1e-6
+    # Sums of kernels alone would be twice as much.
+    plain = scene.replace(field=field.replace(normalization="none"))
+    assert reference_renderer.render(plain, camera, size=(40, 40)).scalar.sum() > 1.5 * expected.scalar.sum()

@@ -217,10 +217,13 @@ Scene CountedFields::counted(const Scene& scene, const Camera& camera, Size size
             }
         }
     }
-    const bool from_zero = counted.ends.empty() ? sum_of(counted.bases) == 0.0
-                                                : std::all_of(counted.bases.begin(), counted.bases.end(),
-                                                              [](double base) { return base == 0.0; });
-    if (scene.mode == Mode::xray && !from_zero) {
+    // An x-ray sums what counts: a base, and the quotients beside missing samples, are not there everywhere.
+    const bool sums_all = counted.ends.empty() ? sum_of(counted.bases) == 0.0
+                                               : std::all_of(counted.bases.begin(), counted.bases.end(),
+                                                             [](double base) { return base == 0.0; });
+    const bool thin = std::any_of(drawn.fields.begin(), drawn.fields.end(),
+                                  [](const auto& field) { return field->least_weight() > 0.0; });
+    if (scene.mode == Mode::xray && (!sums_all || thin)) {
         drawn.mode = Mode::average;
         counted.counts = true;
     }

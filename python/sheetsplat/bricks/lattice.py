@@ -160,6 +160,11 @@ class LatticeSpec:
         return self.radius * math.sqrt(2.0) if self.lattice == "bcc" else self.radius
 
     @property
+    def _squared_radius(self) -> float:
+        """Square of the radius in layers, as the core rounds it: kernels may end just where the domain does."""
+        return (2.0 if self.lattice == "bcc" else 1.0) * self.radius * self.radius
+
+    @property
     def _beyond(self) -> int:
         """Layers of mirrored samples beyond each end whose supports reach into the domain."""
         return math.ceil(self._radius_in_layers + DOMAIN) - 1 if self.ends else 0
@@ -199,7 +204,7 @@ class LatticeSpec:
 
         Exact where no samples are missing; else bounds. `centres`: as for `supports`.
         """
-        beyond, squared = self._beyond, self._radius_in_layers**2
+        beyond, squared = self._beyond, self._squared_radius
         numbers: list[list[tuple[list[int], int, int]]] = []
         for axis in range(3):
             layer, low, high = self._layer[axis], centres[0][axis], centres[1][axis]
@@ -378,13 +383,12 @@ class LatticeSpec:
         def outside(numbers: NDArray[np.float64], count: int) -> NDArray[np.float64]:
             return np.maximum(0.0, np.maximum(-DOMAIN - numbers, numbers - (count - 1) - DOMAIN)) ** 2
 
-        least = self._radius_in_layers**2
         z = outside(k, nz)
         for odd in (0, 1) if self.lattice == "bcc" else (0,):
             part = slice(odd, None, 2) if self.lattice == "bcc" else slice(None)
             x, y = (2.0 * i + odd, 2.0 * j + odd) if self.lattice == "bcc" else (i, j)
             away = z[part, None, None] + outside(y, ny)[:, None] + outside(x, nx)
-            found[part][away >= least] = np.nan
+            found[part][away >= self._squared_radius] = np.nan
         return found
 
     def replace(self, **changes: Any) -> LatticeSpec:

@@ -91,7 +91,7 @@ def warn_of_lost(scene: Scene, camera: Camera, size: tuple[int, int]) -> None:
         warn(
             "volumes end where values are not 0, and are few samples wide: the picture may not have their mass; "
             + option_ref("supersampling", str(min(count, MOST_SAMPLES)))
-            + " makes it so"
+            + " comes nearer"
         )
     elif wide := coarse_lattice(scene, camera, fine, _WIDE):
         warn(f"{wide}: the picture may not have the mass of the volume; " + advice)

@@ -238,7 +238,7 @@ def samples_for_ends(scene: Scene, camera: Camera, size: tuple[int, int]) -> int
     for one in scene.fields:
         if not isinstance(one, RegularField) or not one.size or not _ends_with_a_jump(one):
             continue
-        corners = np.array(np.meshgrid(*zip(*one.centre_bounds, strict=True))).reshape(3, -1).T
+        corners = np.array(np.meshgrid(*zip(*_ends(one), strict=True))).reshape(3, -1).T
         seen = (corners - np.asarray(camera.eye)) @ camera_axes(camera)[:2].T
         if camera.kind == "perspective":
             seen /= np.maximum(_depths(corners, camera), camera.near)[:, None]

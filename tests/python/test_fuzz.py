@@ -145,10 +145,14 @@ class Denser(RandomScenes):
 @pytest.mark.slow
 def test_a_wrong_scene_is_found_made_smaller_and_kept(tmp_path: Path) -> None:
     found = attacked(tmp_path, Denser(), most=16, shrinking=5.0)
-    failure = next(iter(found["failures"].values()))
-    kept = cases.load(tmp_path / "failures" / failure["files"][0])
-    whole, less = RandomScenes().case("cpu", kept["seed"])["parts"], kept["case"]["parts"]
-    assert np.prod(less["size"]) < np.prod(whole["size"]) or len(less["scene"]) < len(whole["scene"])
+    files = [file for failure in found["failures"].values() for file in failure["files"]]
+    smaller = 0
+    for file in files:
+        kept = cases.load(tmp_path / "failures" / file)
+        whole, less = RandomScenes().case("cpu", kept["seed"])["parts"], kept["case"]["parts"]
+        smaller += bool(np.prod(less["size"]) < np.prod(whole["size"]) or len(less["scene"]) < len(whole["scene"]))
+    # (Some are small as they are drawn.)
+    assert smaller > 0
     place = tmp_path / "again"
     place.mkdir()
     assert judged(Denser(), kept["case"], place).is_wrong

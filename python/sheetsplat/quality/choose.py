@@ -272,6 +272,14 @@ class Choice:
             scene = self._filtered(scene, camera, size)
         return scene.with_quality(self.quality)
 
+    def fitted(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene:
+        """Return an x-ray that was finished with the slices and samples that another camera or size calls for."""
+        if scene.mode != "xray" or "supersampling" in self._given:
+            return scene
+        made = self._with_slices_for_ends(scene.replace(supersampling=1), camera)
+        made = self._with_samples_for_means(self._with_samples_for_ends(made, camera, size), camera, size)
+        return made.with_quality(scene.quality)
+
     def _with_slices_for_light(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene:
         """Return a scene with as many slices as its light calls for."""
         if self._level.lit is None or self._free or "slice_spacing" in self._given or not can_be_estimated(scene):

@@ -36,10 +36,11 @@ LEAST_LOST = 1e-2
 # The mass of a kernel that is coarsely sampled depends on where pixels and slices lie by at least this share: one
 # of falloff 8 whose support is three pixels wide, or as many slices long.
 _COARSE = 0.1
-# So many samples across a volume have its mass within a hundredth, wherever its faces lie between them; values at
-# faces that count, as a share of the largest.
+# So many samples across a volume of one value have its mass within a hundredth, wherever its faces lie between them.
+# Where values at the faces are other than their mean it is in proportion, up to a limit; hardly any do not count.
 _ENOUGH_ACROSS = 200.0
-_JUMP = 1e-3
+_MOST_JUMP = 2.0
+_JUMP = 1e-2
 # A view is along an axis of the world whose part in its direction is above this; a volume has so many slices at least.
 _ALONG = 1.0 - 1e-6
 _FEWEST_SLICES = 4
@@ -236,14 +237,15 @@ def samples_for_ends(scene: Scene, camera: Camera, size: tuple[int, int]) -> int
         return 1
     count = 1
     for one in scene.fields:
-        if not isinstance(one, RegularField) or not one.size or not _ends_with_a_jump(one):
+        jump = _jump(one) if isinstance(one, RegularField) else 0.0
+        if not isinstance(one, RegularField) or jump == 0.0:
             continue
         corners = np.array(np.meshgrid(*zip(*_ends(one), strict=True))).reshape(3, -1).T
         seen = (corners - np.asarray(camera.eye)) @ camera_axes(camera)[:2].T
         if camera.kind == "perspective":
             seen /= np.maximum(_depths(corners, camera), camera.near)[:, None]
         pixels = np.ptp(seen, axis=0).min() / _pixel(camera, size)
-        count = max(count, math.ceil(_ENOUGH_ACROSS / max(float(pixels), 1.0)))
+        count = max(count, math.ceil(_ENOUGH_ACROSS * min(jump, _MOST_JUMP) / max(float(pixels), 1.0)))
     return count
 
 
@@ -258,7 +260,7 @@ def slices_for_ends(scene: Scene, camera: Camera) -> float | None:
     wanted, back = scene.slice_spacing, camera_axes(camera)[2]
     for one in scene.fields:
         along = np.flatnonzero(np.abs(back) > _ALONG)
-        if along.size and isinstance(one, RegularField) and one.size and _ends_with_a_jump(one):
+        if along.size and isinstance(one, RegularField) and _jump(one) > _JUMP:
             length = float(_ends(one)[1][along[0]] - _ends(one)[0][along[0]])
             wanted = min(wanted, length / max(2 * math.ceil(0.5 * length / wanted * (1.0 - 1e-9)), _FEWEST_SLICES))
     return None if math.isclose(wanted, scene.slice_spacing, rel_tol=1e-9) else wanted
@@ -271,14 +273,15 @@ def _ends(field: RegularField) -> tuple[Floats, Floats]:
     return lower - half, upper + half
 
 
-def _ends_with_a_jump(field: RegularField) -> bool:
-    """Return whether values are other than 0 where a volume ends; of one in bricks, whether its coarse samples are."""
-    low, high = field.value_range
-    most = _JUMP * max(abs(low), abs(high))
-    if field.boundary != "edge" or most == 0.0:
-        return False
-    values = field.samples.on_grid(field.samples.steps) if isinstance(field, BrickedField) else field.values
-    return any(bool((np.abs(values[face]) > most).any()) for face in _FACES)
+def _jump(field: RegularField) -> float:
+    """Return by how much values jump where a volume ends, over their mean: magnitudes, at samples that may be some."""
+    if field.boundary != "edge" or not field.size:
+        return 0.0
+    coarse = np.abs(field.samples.on_grid(field.samples.steps).astype(np.float64))
+    values = coarse if isinstance(field, BrickedField) else field.values
+    mean = float(np.nanmean(coarse)) if np.isfinite(coarse).any() else 0.0
+    faces = [float(np.nanmean(np.abs(values[face]))) for face in _FACES if np.isfinite(values[face]).any()]
+    return max(faces, default=0.0) / mean if mean > 0.0 else 0.0
 
 
 def lost_mass(scene: Scene, camera: Camera, size: tuple[int, int]) -> float:

@@ -33,7 +33,7 @@ class _Expression(str):
 def python_code(shown: Shown, state: State, size: tuple[int, int]) -> str:
     """Return Python that makes the picture of a state; what was no plain value stays a name that a comment explains."""
     data = shown.data(state.choice, state.time)
-    scene = compose.scene_of(shown, state)
+    scene = compose.drawn_scene(shown, state, size)
     if isinstance(data, Scene):
         return _of_scene(shown, state, scene, size)
     options = dict(_arguments(shown, state, scene))

@@ -15,6 +15,7 @@ from sheetsplat.framing import fitting_depth_cue
 from sheetsplat.look.surface import surface_color, surface_limits
 from sheetsplat.opacity_words import PRESETS, WORDS
 from sheetsplat.options.look import DEFAULT_CMAP
+from sheetsplat.quality.choose import Choice
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction, color_rows
 from sheetsplat.viewer.data import Histogram, Shown
@@ -61,6 +62,19 @@ def scene_of(shown: Shown, state: State) -> Scene:
     if not changes:
         return base
     return base.replace(**changes).with_quality(base.quality)
+
+
+def drawn_scene(shown: Shown, state: State, size: tuple[int, int]) -> Scene:
+    """Return the scene that a state shows in pictures of a size."""
+    return fitted_scene(shown, state, scene_of(shown, state), size)
+
+
+def fitted_scene(shown: Shown, state: State, scene: Scene, size: tuple[int, int]) -> Scene:
+    """Return a scene of a state as pictures of a size have it."""
+    if isinstance(shown.data(state.choice, state.time), Scene):
+        return scene
+    options = {**shown.options_at(state.time), "quality": state.quality}
+    return Choice("quality", options).fitted(scene, state.camera, size)
 
 
 def _functions_of(shown: Shown, scene: Scene, surfaces: tuple[Surface, ...]) -> Any:

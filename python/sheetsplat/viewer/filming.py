@@ -70,14 +70,16 @@ def film_of(shown: Shown, order: Order) -> Animation:
     options: Any = {"size": order.size, "renderer": order.renderer, "fps": order.fps, "camera": order.state.camera}
     options["client"] = shown.client
     if order.what == "turn":
-        return turntable(_scene(shown, order.state), frames=order.frames, **options)
+        return turntable(_scene(shown, order.state, order.size), frames=order.frames, **options)
     if len(shown.times) < 2:
         raise complain("the film cannot be made", "one time", "data of several times, or a film that turns")
-    return animate(lambda number: _scene(shown, replace(order.state, time=number)), len(shown.times), **options)
+    return animate(
+        lambda number: _scene(shown, replace(order.state, time=number), order.size), len(shown.times), **options
+    )
 
 
-def _scene(shown: Shown, state: State) -> Scene:
-    scene = compose.scene_of(shown, state)
+def _scene(shown: Shown, state: State, size: tuple[int, int]) -> Scene:
+    scene = compose.drawn_scene(shown, state, size)
     if scene.background is not None:
         return scene
     return scene.replace(background=state.changes.get("backdrop", _BEHIND)).with_quality(scene.quality)

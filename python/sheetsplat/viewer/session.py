@@ -127,7 +127,8 @@ class Session:
         """Return state, scene and size as the next picture has them: no picture may have been drawn at the size yet."""
         state, size = self.state, self.size
         scene = compose.scene_of(self.shown, state)
-        return self._framed(state, scene, size), scene, size
+        state = self._framed(state, scene, size)
+        return state, compose.fitted_scene(self.shown, state, scene, size), size
 
     def code(self) -> str:
         """Return Python that makes the picture that is shown."""
@@ -361,6 +362,7 @@ class Session:
         try:
             scene = compose.scene_of(self.shown, state)
             state = self._framed(state, scene, size)
+            scene = compose.fitted_scene(self.shown, state, scene, size)
             if state.settings != self._settings:
                 self._renderer, self._settings = self.renderer(state), dict(state.settings)
             previewed = self._preview(scene, state, size)

@@ -195,7 +195,11 @@ class RegularField final : public Field {
     [[nodiscard]] bool has_holes() const { return has_holes_; }
     /// The samples of row (j, k) that may be kernels: outside are none.
     [[nodiscard]] SampleRange kernels_of_row(std::size_t j, std::size_t k) const {
-        return extents_.empty() ? SampleRange{0, static_cast<std::uint32_t>(shape_[2])} : extents_[k * shape_[1] + j];
+        if (extents_.empty()) {
+            return {0, static_cast<std::uint32_t>(shape_[2])};
+        }
+        const std::size_t row = k * shape_[1] + j;
+        return extents_[extent_of_row_.empty() ? row : extent_of_row_[row]];
     }
 
     /// Which sample, (k * nj + j) * ni + i, a number of samples() is or mirrors; -1 for -1.
@@ -243,6 +247,8 @@ class RegularField final : public Field {
     [[nodiscard]] std::shared_ptr<const SampleArray> with_ends(SampleArray&& samples) const;
     void find_rows();
     void find_outermost_rows();
+    /// Keeps extents of rows as numbers of different ones, where these are few.
+    void number_extents();
 
     std::shared_ptr<const SampleArray> samples_, given_;
     std::array<std::size_t, 3> shape_{};
@@ -252,7 +258,9 @@ class RegularField final : public Field {
     std::array<std::size_t, 3> mirrored_{0, 0, 0};
     std::vector<std::size_t> layers_;            ///< where layers begin
     std::vector<std::vector<std::size_t>> rows_; ///< where rows begin in a layer; BCC: of even and of odd layers
-    std::vector<SampleRange> extents_;           ///< kernels of each row; empty: all samples
+    /// Kernels of each row, or of what extent_of_row_ numbers; empty: all samples.
+    std::vector<SampleRange> extents_;
+    std::vector<std::uint8_t> extent_of_row_; ///< of few different extents: which one each row has
     /// Rows that hold all corners of the convex hull of kernels' centres: what any direction's farthest ones lie in.
     /// Empty: not looked for.
     std::vector<std::uint32_t> outermost_rows_;

@@ -143,14 +143,38 @@ RegularField::RegularField(const RegularField& inner, Mirrored)
             }
         },
         *samples_);
+    number_extents();
     find_outermost_rows();
+}
+
+void RegularField::number_extents() {
+    std::vector<SampleRange> different;
+    std::vector<std::uint8_t> numbers;
+    numbers.reserve(extents_.size());
+    for (const SampleRange& own : extents_) {
+        const auto known = std::find_if(different.rbegin(), different.rend(), [&own](const SampleRange& other) {
+            return other.begin == own.begin && other.end == own.end;
+        });
+        std::size_t number = different.size();
+        if (known != different.rend()) {
+            number = static_cast<std::size_t>(different.rend() - known) - 1;
+        } else if (number > std::numeric_limits<std::uint8_t>::max()) {
+            return;
+        } else {
+            different.push_back(own);
+        }
+        numbers.push_back(static_cast<std::uint8_t>(number));
+    }
+    extents_ = std::move(different);
+    extents_.shrink_to_fit();
+    extent_of_row_ = std::move(numbers);
 }
 
 void RegularField::find_outermost_rows() {
     const auto [nk, nj, ni] = shape_;
     // (Layers of a BCC lattice lie over the next but one.)
     const std::size_t apart = options_.lattice == Lattice::bcc ? 2 : 1;
-    const auto extent = [&, nj = nj](std::size_t j, std::size_t k) { return extents_[k * nj + j]; };
+    const auto extent = [&](std::size_t j, std::size_t k) { return kernels_of_row(j, k); };
     for (std::size_t k = 0; k < nk; ++k) {
         for (std::size_t j = 0; j < nj; ++j) {
             const SampleRange own = extent(j, k);
@@ -172,8 +196,8 @@ void RegularField::find_outermost_rows() {
 RegularField::RegularField(const RegularField& inner, Endless)
     : samples_(inner.samples_), shape_(inner.shape_), options_(inner.options_), centres_world_(inner.centres_world_),
       mirrored_(inner.mirrored_), layers_(inner.layers_), rows_(inner.rows_), extents_(inner.extents_),
-      value_range_(inner.given_range_), given_range_(inner.given_range_), kernels_(inner.kernels_),
-      has_holes_(inner.has_holes_) {
+      extent_of_row_(inner.extent_of_row_), value_range_(inner.given_range_), given_range_(inner.given_range_),
+      kernels_(inner.kernels_), has_holes_(inner.has_holes_) {
     kernel_ = inner.kernel_;
     normalization_ = options_.normalization;
     w0_ = options_.w0;

@@ -461,7 +461,7 @@ std::size_t RegularField::memory() const {
     };
     return sizeof(*this) + std::visit(bytes, *samples_) + (given_ ? std::visit(bytes, *given_) : 0) +
            layers_.capacity() * sizeof(std::size_t) + extents_.capacity() * sizeof(SampleRange) +
-           outermost_rows_.capacity() * sizeof(std::uint32_t) +
+           extent_of_row_.capacity() + outermost_rows_.capacity() * sizeof(std::uint32_t) +
            std::accumulate(rows_.begin(), rows_.end(), std::size_t{0},
                            [&](std::size_t sum, const auto& rows) { return sum + bytes(rows); });
 }
@@ -513,10 +513,10 @@ std::array<double, 2> RegularField::reach_along(const Vec3& from, const Vec3& di
             }
         }
     } else {
-        const std::size_t rows = outermost_rows_.empty() ? extents_.size() : outermost_rows_.size();
+        const std::size_t rows = outermost_rows_.empty() ? nj * nk : outermost_rows_.size();
         for (std::size_t n = 0; n < rows; ++n) {
             const std::size_t row = outermost_rows_.empty() ? n : outermost_rows_[n];
-            const SampleRange& kernels = extents_[row];
+            const SampleRange kernels = kernels_of_row(row % nj, row / nj);
             if (kernels.begin < kernels.end) {
                 add(kernels.begin, row % nj, row / nj);
                 add(kernels.end - 1, row % nj, row / nj);

@@ -135,11 +135,11 @@ def coarse_picture(places: Floats, weights: Floats) -> tuple[Floats, NDArray[np.
         Column and row of each position, (N, 2).
     """
     low = places.min(axis=0)
-    extent = np.ptp(places, axis=0)
-    # Of places in a line the other way is a millionth as wide.
-    extent = np.maximum(extent, max(1e-6 * float(extent.max()), 1e-12 * float(np.abs(places).max(initial=1e-140))))
+    extent = np.maximum(np.ptp(places, axis=0), 1e-12 * float(np.abs(places).max(initial=1e-280)))
     count = int(np.clip(math.sqrt(len(places) / _PER_CELL), _LEAST_CELLS, _CELLS))
     shape = np.maximum(1, np.ceil(count * extent / extent.max())).astype(int)
     cells = np.minimum((places - low) / extent * shape, shape - 1).astype(np.int64)
     sums = np.bincount(cells[:, 0] * shape[1] + cells[:, 1], weights, int(shape.prod()))
-    return sums.reshape(shape) * float((shape / extent).prod()), cells
+    # Of places in one point, or in a line, the depths of rays are not known, and are no numbers.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return sums.reshape(shape) * float((shape / extent).prod()), cells

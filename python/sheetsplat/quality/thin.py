@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -237,10 +238,11 @@ def samples_for_ends(scene: Scene, camera: Camera, size: tuple[int, int]) -> int
         return 1
     count = 1
     for one in scene.fields:
-        jump = _jump(one) if isinstance(one, RegularField) else 0.0
-        if not isinstance(one, RegularField) or jump == 0.0:
+        box = one.domain if isinstance(one, RegularField) else None
+        jump = 0.0 if box is None else _jump(cast(RegularField, one))
+        if box is None or jump == 0.0:
             continue
-        corners = np.array(np.meshgrid(*zip(*_ends(one), strict=True))).reshape(3, -1).T
+        corners = np.array(np.meshgrid(*zip(*box, strict=True))).reshape(3, -1).T
         seen = (corners - np.asarray(camera.eye)) @ camera_axes(camera)[:2].T
         if camera.kind == "perspective":
             seen /= np.maximum(_depths(corners, camera), camera.near)[:, None]
@@ -260,22 +262,16 @@ def slices_for_ends(scene: Scene, camera: Camera) -> float | None:
     wanted, back = scene.slice_spacing, camera_axes(camera)[2]
     for one in scene.fields:
         along = np.flatnonzero(np.abs(back) > _ALONG)
-        if along.size and isinstance(one, RegularField) and _jump(one) > _JUMP:
-            length = float(_ends(one)[1][along[0]] - _ends(one)[0][along[0]])
+        box = one.domain if isinstance(one, RegularField) else None
+        if along.size and box is not None and _jump(cast(RegularField, one)) > _JUMP:
+            length = box[1][along[0]] - box[0][along[0]]
             wanted = min(wanted, length / max(2 * math.ceil(0.5 * length / wanted * (1.0 - 1e-9)), _FEWEST_SLICES))
     return None if math.isclose(wanted, scene.slice_spacing, rel_tol=1e-9) else wanted
 
 
-def _ends(field: RegularField) -> tuple[Floats, Floats]:
-    """Return the corners of the box where a volume ends."""
-    lower, upper = np.asarray(field.centre_bounds)
-    half = np.full(3, 0.25 * field.spacing[0]) if field.lattice == "bcc" else 0.5 * np.asarray(field.spacing)
-    return lower - half, upper + half
-
-
 def _jump(field: RegularField) -> float:
     """Return by how much values jump where a volume ends, over their mean: magnitudes, at samples that may be some."""
-    if field.boundary != "edge" or not field.size:
+    if not field.size:
         return 0.0
     coarse = np.abs(field.samples.on_grid(field.samples.steps).astype(np.float64))
     values = coarse if isinstance(field, BrickedField) else field.values

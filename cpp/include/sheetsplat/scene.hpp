@@ -163,7 +163,8 @@ struct Group {
 /// from the bases of each group's fields, which add up; iso values as iso_values_of() says.
 struct Counted {
     std::vector<double> bases{}; ///< of each group, what its transfer function and iso values are counted from
-    /// The picture says how many slices of each pixel count: an x-ray is drawn as the average where bases are not 0.
+    /// The picture says how many slices of each pixel count: an x-ray is drawn as the average where bases are not 0 or
+    /// samples are missing.
     bool counts = false;
     Clip clip{}; ///< the scene's own, without the ends of fields
     /// Kernels reach every point that the ends of fields keep: no point there is empty.

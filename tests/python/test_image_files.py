@@ -144,10 +144,10 @@ def test_damaged_pictures_are_refused(tmp_path, name, content):
 def test_arrays_that_are_no_pictures_are_refused(tmp_path):
     for array in (np.zeros((3, 4, 5)), np.zeros(3), np.zeros((0, 4)), np.zeros((2, 2), complex)):
         np.save(tmp_path / "a.npy", array)
-        with pytest.raises(ss.InvalidInput, match="picture"):
+        with pytest.raises(ss.InvalidInput, match="cannot be read"):
             pictures.read_picture(tmp_path / "a.npy")
     np.save(tmp_path / "a.npy", np.full((2, 2), None), allow_pickle=True)
-    with pytest.raises(ss.InvalidInput, match="picture"):
+    with pytest.raises(ss.InvalidInput, match="cannot be read"):
         pictures.read_picture(tmp_path / "a.npy")
     with pytest.raises(ss.InvalidInput, match="no such file"):
         pictures.read_picture(tmp_path / "b.npy")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import pkgutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,10 +15,11 @@ from numpy.typing import NDArray
 from sheetsplat.bricks.lattice import Box
 from sheetsplat.errors import Error, OutOfMemory, complain, missing_package
 from sheetsplat.io.source import Source, guarded
+from sheetsplat.io.stored import StoredSamples, changed
 
 Shape = tuple[int, int, int]
-# Axes with fewer samples than a box may be are no reason to read more than this many bytes of a remote file at once.
-_ROW_BYTES = 1 << 26
+# How many bytes of a remote file come in the time that one more request takes.
+_REMOTE_CALL = 1 << 22
 
 
 class Reader(Protocol):
@@ -82,7 +82,19 @@ class Stamp:
             reason = error.strerror or str(error)
             raise complain(f"{self.path} cannot be read", reason, "the file as it was opened", kind=Error) from None
         if now != self:
-            raise complain(f"{self.path} cannot be read", "a file that was changed", "the file as it was opened")
+            raise changed(self.path)
+
+
+@contextlib.contextmanager
+def unchanged(*stamps: Stamp) -> Iterator[None]:
+    """Raise an error where a file is not as it was when it was opened, before it is read or after that."""
+    for stamp in stamps:
+        stamp.check()
+    try:
+        yield
+    finally:
+        for stamp in stamps:
+            stamp.check()
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,74 +109,42 @@ class ArrayReader:
 
 
 @dataclass(frozen=True)
-class RawReader:
-    """Samples in a file, one after the other."""
+class StoredReader:
+    """Raw samples of a file.
 
-    stamp: Stamp
-    shape: Shape
-    stored: np.dtype[Any]
-    offset: int
-    fortran: bool = False
-
-    def read(self, box: Box) -> NDArray[Any]:
-        """Return the samples of a box."""
-        self.stamp.check()
-        order: Any = "F" if self.fortran else "C"
-        mapped = np.memmap(self.stamp.path, self.stored, "r", self.offset, self.shape, order)
-        # A copy: what is mapped would be read when a picture is drawn, and fail there.
-        return np.array(mapped[_cuts(box)])
-
-
-@dataclass(frozen=True)
-class MappedReader:
-    """Raw samples behind a header, or beside it.
-
-    `reader`: "module:function" that reads the header and maps the samples.
+    `stamps`: the files that say where they are, and the one that has them.
     """
 
     stamps: tuple[Stamp, ...]
-    reader: str
+    samples: StoredSamples
 
     def read(self, box: Box) -> NDArray[Any]:
         """Return the samples of a box."""
-        for stamp in self.stamps:
-            stamp.check()
-        with Source(self.stamps[0].path) as source:
-            mapped = pkgutil.resolve_name(self.reader)(source, mapped=True).values
-            # A copy: what is mapped would be read when a picture is drawn, and fail there.
-            return np.array(mapped[_cuts(box)])
+        with unchanged(*self.stamps), Source(self.samples.path) as source:
+            return self.samples[_cuts(box)].read(source.fetch)
 
 
 @dataclass(frozen=True)
-class RemoteRawReader:
-    """Samples in a file that fsspec reads."""
+class RemoteReader:
+    """Raw samples of a file that fsspec reads."""
 
     url: str
-    length: int
-    shape: Shape
-    stored: np.dtype[Any]
-    offset: int
+    samples: StoredSamples
 
     def read(self, box: Box) -> NDArray[Any]:
         """Return the samples of a box."""
         import fsspec  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
-        (k0, k1), (j0, j1), (i0, i1) = box
-        _, nj, ni = self.shape
-        found = np.empty((k1 - k0, j1 - j0, i1 - i0), self.stored)
-        # Whole rows of a layer lie together.
-        rows = max(1, _ROW_BYTES // (ni * self.stored.itemsize))
         with fsspec.open(self.url, "rb") as file:
-            for k in range(k0, k1):
-                for j in range(j0, j1, rows):
-                    count = min(rows, j1 - j)
-                    file.seek(self.offset + ((k * nj + j) * ni) * self.stored.itemsize)
-                    piece = file.read(count * ni * self.stored.itemsize)
-                    part = np.frombuffer(piece, self.stored)
-                    if part.size < count * ni:
-                        raise EOFError(f"the file ends within layer {k}")
-                    found[k - k0, j - j0 : j - j0 + count] = part.reshape(count, ni)[:, i0:i1]
-        return found
+
+            def fetch(position: int, count: int) -> bytes:
+                file.seek(position)
+                content: bytes = file.read(count)
+                if len(content) < count:
+                    raise EOFError("the file ends early")
+                return content
+
+            return self.samples[_cuts(box)].read(fetch, _REMOTE_CALL)
 
 
 @dataclass(frozen=True)
@@ -178,8 +158,7 @@ class Hdf5Reader:
         """Return the samples of a box."""
         from sheetsplat.io.hdf5_volumes import read_part
 
-        self.stamp.check()
-        with Source(self.stamp.path, self.dataset) as source:
+        with unchanged(self.stamp), Source(self.stamp.path, self.dataset) as source:
             return read_part(source, self.dataset, box)
 
 
@@ -209,9 +188,9 @@ class NetcdfReader:
         from sheetsplat.io.netcdf import opened as opened_variable
         from sheetsplat.io.xarray_data import one_step, placed
 
-        self.stamp.check()
-        with Source(self.stamp.path, self.inner) as source, opened_variable(source, self.name, mapped=True) as array:
-            return _part_of(placed(one_step(array, source.path, self.step), source.path), box)
+        with unchanged(self.stamp), Source(self.stamp.path, self.inner) as source:
+            with opened_variable(source, self.name) as array:
+                return _part_of(placed(one_step(array, source.path, self.step), source.path), box)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import math
 import os
 import pkgutil
 import uuid
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,13 +28,12 @@ from sheetsplat.bricks.readers import (
     DataArrayReader,
     Hdf5Reader,
     LazyReader,
-    MappedReader,
     NetcdfReader,
-    RawReader,
     Reader,
-    RemoteRawReader,
+    RemoteReader,
     Shape,
     Stamp,
+    StoredReader,
     ZarrReader,
     is_url,
     placed_errors,
@@ -45,6 +44,7 @@ from sheetsplat.io.kernels import logarithm
 from sheetsplat.io.lazy_arrays import check_volume
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Folder, Source, opened
+from sheetsplat.io.stored import StoredSamples
 from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Quantity
 
@@ -374,26 +374,21 @@ def _chosen_name(options: Mapping[str, Any]) -> str | None:
 def _raw(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
     from sheetsplat.io import raw
 
-    shape, kind = raw.locate(source, **options)
-    return _as_they_are(source, text, shape, kind, int(options.get("offset", 0)))
+    return _stored(text, raw.locate(source, **options))
 
 
 def _npy(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
     from sheetsplat.io.numpy_files import locate
 
-    shape, kind, offset, fortran = locate(source)
-    check_volume(text, shape, kind)
-    return _as_they_are(source, text, shape, kind, offset, fortran)
+    return _stored(text, locate(source))
 
 
-def _as_they_are(
-    source: Source, text: str, shape: Sequence[int], kind: np.dtype[Any], offset: int, fortran: bool = False
-) -> BrickSource:
-    """Return the source of a file that has its samples one after the other, from a byte on."""
-    nk, nj, ni = shape
-    stamp = Stamp.of(source.path)
-    reader = RawReader(stamp, (nk, nj, ni), kind, offset, fortran)
-    return _source(text, f"{stamp}{reader}", Volume(_stand_in(shape, kind)), reader)
+def _stored(text: str, volume: Volume, *headers: Path) -> BrickSource:
+    """Return the source of a volume whose values are `StoredSamples`; `headers`: the files that say where they are."""
+    samples: Any = volume.values
+    stamps = tuple(map(Stamp.of, dict.fromkeys((*headers, samples.path))))
+    reader = StoredReader(stamps, replace(samples, path=stamps[-1].path))
+    return _source(text, f"{reader}", volume, reader)
 
 
 def _hdf5(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
@@ -460,20 +455,15 @@ def _netcdf(source: Source, text: str, options: Mapping[str, Any]) -> BrickSourc
     from sheetsplat.io.xarray_data import one_step, placed
 
     stamp, name, step = Stamp.of(source.path), _chosen_name(options), options.get("step")
-    with opened_variable(source, name, mapped=True) as array:
+    with opened_variable(source, name) as array:
         found = placed(one_step(array, source.path, step), source.path)
         volume = found.volume(source.path, _stand_in(found.array.shape, found.array.dtype))
     return _source(text, f"{stamp}{source.inner}{name}{step}", volume, NetcdfReader(stamp, source.inner, name, step))
 
 
-def _mapped(reader: str) -> Callable[..., BrickSource]:
+def _behind_header(reader: str) -> Callable[..., BrickSource]:
     def locate(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
-        volume: Volume = pkgutil.resolve_name(reader)(source, mapped=True)
-        stamps = {source.path: Stamp.of(source.path)}
-        data = getattr(volume.values, "filename", None)
-        if data is not None:
-            stamps.setdefault(Path(data), Stamp.of(Path(data)))
-        return _source(text, f"{list(stamps.values())}", volume, MappedReader(tuple(stamps.values()), reader))
+        return _stored(text, pkgutil.resolve_name(reader)(source, located=True), source.path)
 
     return locate
 
@@ -482,8 +472,8 @@ _IO = "sheetsplat.io."
 _LOCATED: Mapping[str, Any] = {
     "raw": _raw,
     "npy": _npy,
-    "nrrd": _mapped(_IO + "nrrd_files:read"),
-    "metaimage": _mapped(_IO + "metaimage:read"),
+    "nrrd": _behind_header(_IO + "nrrd_files:read"),
+    "metaimage": _behind_header(_IO + "metaimage:read"),
     "hdf5 volume": _hdf5,
     "zarr": _zarr,
     "netcdf": _netcdf,
@@ -510,6 +500,5 @@ def _remote(url: str, options: Mapping[str, Any]) -> BrickSource:
         if offset < 0 or length - offset != needed:
             found = f"{length} bytes, {offset} of them before the samples"
             raise complain(what, found, f"{needed} bytes of samples, {shown(shape)} of {kind}")
-    nk, nj, ni = shape
-    reader = RemoteRawReader(url, length, (nk, nj, ni), kind, offset)
-    return _source(url, _opened_anew(), Volume(_stand_in(shape, kind)), reader)
+    samples: Any = StoredSamples.dense(Path(url), kind, shape, offset)
+    return _source(url, _opened_anew(), Volume(samples), RemoteReader(url, samples))

@@ -100,10 +100,10 @@ def _orientation(fields: dict[str, str], *, turned: bool) -> Orientation | None:
         return None
 
 
-def read(source: Source, *, mapped: bool = False) -> Volume:
+def read(source: Source, *, located: bool = False) -> Volume:
     """Read a MetaImage volume with three axes; the fastest is x. Samples are raw or packed by zlib.
 
-    `mapped`: samples are read from the file where they are used; Unsupported unless they are raw.
+    `located`: the values of the volume are `StoredSamples`, which are not read yet; Unsupported unless they are raw.
     """
     path = source.path
     fields, length = _header(source)
@@ -130,10 +130,10 @@ def read(source: Source, *, mapped: bool = False) -> Volume:
     name = fields["ElementDataFile"]
     count = math.prod(sizes)
     if name.upper() == "LOCAL":
-        values = _samples(source, length, dtype, count, packed=packed, skip=max(0, skip), mapped=mapped)
+        values = _samples(source, length, dtype, count, packed=packed, skip=max(0, skip), located=located)
     else:
         with Source(beside(path, name)) as samples:
-            values = _samples(samples, 0, dtype, count, packed=packed, skip=skip, mapped=mapped)
+            values = _samples(samples, 0, dtype, count, packed=packed, skip=skip, located=located)
     steps = np.reshape(matrix, (3, 3)) * np.abs(spacing)[:, np.newaxis]
     placed = along_the_world(path, "TransformMatrix", steps, np.asarray(origin), values.reshape(sizes[::-1]))
     details = {name.lower(): fields[name][:_LONGEST] for name in _TOLD if fields.get(name, "") not in _NOTHING}
@@ -163,7 +163,7 @@ def _number(text: str) -> float:
 
 
 def _samples(
-    source: Source, start: int, dtype: np.dtype[Any], count: int, *, packed: bool, skip: int, mapped: bool
+    source: Source, start: int, dtype: np.dtype[Any], count: int, *, packed: bool, skip: int, located: bool
 ) -> Any:
     if skip == -1:
         if packed or source.packed:
@@ -172,4 +172,4 @@ def _samples(
     source.stream.seek(start)
     payload = source.payload("zlib" if packed else "raw")
     payload.skip(skip)
-    return payload.mapped(dtype, count) if mapped else payload.array(dtype, count)
+    return payload.located(dtype, count) if located else payload.array(dtype, count)

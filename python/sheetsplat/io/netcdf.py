@@ -19,17 +19,19 @@ from sheetsplat.io.xarray_data import one_step, read_array, steps_of, variable
 
 
 def _classic(source: Source) -> Any:
-    """Return the bytes of a classic file; its length is known before memory is taken."""
+    """Return what xarray reads a classic file from: the file, or its bytes where it is packed."""
+    if not source.packed:
+        from sheetsplat.io.netcdf_classic import ClassicStore
+
+        return ClassicStore(source)
+    # Its length is known before memory is taken.
     size = source.length(_memory.available())
     return io.BytesIO(source.payload("raw").array(np.dtype(np.uint8), size).tobytes())
 
 
 @contextlib.contextmanager
-def opened(source: Source, name: str | None, *, mapped: bool = False) -> Iterator[Any]:
-    """Yield a variable as a DataArray: FILE:/group/variable or `name`, else the only one; links are checked.
-
-    `mapped`: parts of a classic file are read from the file when they are asked for, which must not be packed.
-    """
+def opened(source: Source, name: str | None) -> Iterator[Any]:
+    """Yield a variable as a DataArray: FILE:/group/variable or `name`, else the only one; links are checked."""
     import xarray  # type: ignore[import-not-found, unused-ignore]
 
     # Times stay numbers, with their units.
@@ -39,7 +41,7 @@ def opened(source: Source, name: str | None, *, mapped: bool = False) -> Iterato
         place = PurePosixPath(source.inner)
         group, name = str(place.parent).strip("/"), place.name
     if source.head(3) == b"CDF":
-        file_or_bytes, engine = source.path if mapped else _classic(source), "scipy"
+        file_or_bytes, engine = _classic(source), "scipy" if source.packed else None
     else:
         import h5netcdf  # type: ignore[import-not-found, import-untyped, unused-ignore]  # noqa: F401
 

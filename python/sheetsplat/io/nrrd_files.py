@@ -124,9 +124,7 @@ def _orientation(header: dict[str, Any]) -> Orientation | None:
         return None
 
 
-def _read_samples(
-    source: Source, header: dict[str, Any], sizes: tuple[int, ...], start: int, *, mapped: bool
-) -> NDArray[Any]:
+def _read_samples(source: Source, header: dict[str, Any], sizes: tuple[int, ...], start: int, *, located: bool) -> Any:
     encoding = _ENCODINGS.get(str(header["encoding"]).lower())
     if encoding is None:
         found = f"encoding {shown(header['encoding'])}"
@@ -152,12 +150,12 @@ def _read_samples(
         source.stream.seek(max(start, source.path.stat().st_size - count * dtype.itemsize))
         byte_skip = 0
     if encoding == "text":
-        if mapped:
+        if located:
             raise unreadable(source.path, "samples as text, of which no part can be read", "raw samples")
         return _read_text(source, dtype, count)
     payload = source.payload(encoding)
     payload.skip(byte_skip)
-    return payload.mapped(dtype, count) if mapped else payload.array(dtype, count)
+    return payload.located(dtype, count) if located else payload.array(dtype, count)
 
 
 def _read_text(source: Source, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
@@ -186,10 +184,10 @@ def _read_text(source: Source, dtype: np.dtype[Any], count: int) -> NDArray[Any]
     return values
 
 
-def read(source: Source, *, mapped: bool = False) -> Volume:
+def read(source: Source, *, located: bool = False) -> Volume:
     """Read an NRRD volume with three axes; the fastest is x. Directions must lie along the axes of the world.
 
-    `mapped`: samples are read from the file where they are used; Unsupported unless they are raw.
+    `located`: the values of the volume are `StoredSamples`, which are not read yet; Unsupported unless they are raw.
     """
     header, length = _header(source)
     for name in ("type", "dimension", "sizes", "encoding"):
@@ -205,12 +203,12 @@ def read(source: Source, *, mapped: bool = False) -> Volume:
         )
     data = _field(header, "data file", "datafile")
     if data is None:
-        flat = _read_samples(source, header, sizes, length, mapped=mapped)
+        flat = _read_samples(source, header, sizes, length, located=located)
     else:
         with Source(beside(source.path, str(data))) as samples:
             # A data file .gz with the encoding gzip is compressed once.
             plain = dict(header, encoding="raw") if samples.packed and header["encoding"] in ("gzip", "gz") else header
-            flat = _read_samples(samples, plain, sizes, 0, mapped=mapped)
+            flat = _read_samples(samples, plain, sizes, 0, located=located)
     values, spacing, origin = _placed(source.path, header, flat.reshape(sizes[::-1]))
     details: dict[str, str] = {name: str(header[name]) for name in _TOLD if name in header}
     quantity = Quantity(length_unit=_length_unit(header))

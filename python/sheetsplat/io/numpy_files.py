@@ -62,25 +62,28 @@ def _volume(source: Source, header: _Header, payload: Payload, file_format: str)
     return Volume(values.reshape(sizes, order="F" if first_fastest else "C"), format=file_format)
 
 
-def locate(source: Source) -> tuple[tuple[int, ...], np.dtype[Any], int, bool]:
-    """Return shape and type of a .npy file, where its samples begin, and whether the first axis is the fastest.
-
-    InvalidInput where the file, which is not packed, is shorter than that.
-    """
+def locate(source: Source) -> Volume:
+    """Return what `read_npy` reads with `StoredSamples` as its values, for a file that is not packed."""
     header = _header(source.stream)
     _, first_fastest, dtype = header
-    sizes, offset = _sizes(source, header), source.stream.tell()
-    needed, there = math.prod(sizes) * dtype.itemsize, source.at_most()
-    if there < needed:
-        advice = "the file is cut off or its header is wrong; fetch it again"
-        raise unreadable(source.path, f"{there} bytes of samples", f"{needed} bytes, as the header says", advice)
-    return sizes, dtype, offset, first_fastest
+    sizes = _sizes(source, header)
+    flat = source.payload("raw").located(dtype, math.prod(sizes))
+    samples: Any = flat.reshape(sizes[::-1]).transpose((2, 1, 0)) if first_fastest else flat.reshape(sizes)
+    return Volume(samples, format="npy")
 
 
 def read_npy(source: Source) -> Volume:
     """Read the array of a .npy file."""
     header = _header(source.stream)
     return _volume(source, header, source.payload("raw"), "npy")
+
+
+def read_array(source: Source) -> NDArray[Any]:
+    """Read the array of a .npy file, real numbers of any shape but ()."""
+    shape, first_fastest, dtype = _header(source.stream)
+    _require_numbers(source.path, "an array", dtype)
+    values = source.payload("raw").array(dtype, math.prod(checked_shape(source.path, shape, "shape")))
+    return values.reshape(shape, order="F" if first_fastest else "C")
 
 
 def _payload(source: Source, entry: zipfile.ZipInfo, stream: IO[bytes]) -> Payload:

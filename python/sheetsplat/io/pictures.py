@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.errors import Error, complain, missing_package
+from sheetsplat.io.numpy_files import read_array
 from sheetsplat.io.png_text import KEYWORD
-from sheetsplat.io.source import guarded
+from sheetsplat.io.source import Source, guarded
 
 Floats = NDArray[np.float32]
 # Formats that keep float32, and those that Pillow writes, with its options.
@@ -279,7 +280,6 @@ def _read_exr(path: Path) -> Floats:
 
 
 def _read_npy(path: Path) -> Floats:
-    array = np.load(path, mmap_mode="r", allow_pickle=False)
-    if array.dtype.kind not in "biuf":
-        raise complain(f"{path} cannot be read as a picture", f"an array of {array.dtype}", "real numbers")
-    return np.array(array, dtype=np.float32)
+    with Source(path) as source:
+        array: Floats = read_array(source).astype(np.float32)
+    return array

@@ -13,6 +13,7 @@ from sheetsplat.errors import Error, complain, option_ref
 from sheetsplat.io.checks import Where, checked_shape, sides, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
+from sheetsplat.io.stored import StoredSamples
 
 _CHECK = "check " + option_ref("shape") + " and " + option_ref("dtype")
 
@@ -47,15 +48,16 @@ def read(
 
 def locate(
     source: Source, shape: tuple[int, int, int] | None = None, dtype: DTypeLike | None = None, offset: int = 0
-) -> tuple[tuple[int, ...], np.dtype[Any]]:
-    """Return shape and type of what `read` reads, after its checks, for a file that is not packed."""
+) -> Volume:
+    """Return what `read` reads with `StoredSamples` as its values, after its checks, for a file that is not packed."""
     sizes, kind = checked(source, shape, dtype, offset)
     needed, there = math.prod(sizes) * kind.itemsize, source.at_most() - offset
     if there < needed:
         raise unreadable(source.path, f"{max(there, 0)} bytes of samples", _wanted(sizes, kind), _CHECK)
     if there > needed:
         raise _surplus(source, f"{there} bytes", offset, sizes, kind)
-    return sizes, kind
+    samples: Any = StoredSamples.dense(source.path, kind, sizes, offset)
+    return Volume(samples, format="raw")
 
 
 def checked(

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from sheetsplat import _memory
 from sheetsplat._checks import shown
 from sheetsplat.errors import Error, OutOfMemory, Unsupported, Words, complain, missing_package
+from sheetsplat.io.stored import StoredSamples, fetch_of
 
 # Largest compression ratio of deflate (RFC 1951: a match of 258 bytes in two bits), and a margin for short files.
 DEFLATE_RATIO = 1032
@@ -127,6 +128,8 @@ class Source(contextlib.ExitStack):
         The decompressed bytes, seekable.
     inner
         Where the caller asks for one part of the file, its name: "/group/density".
+    fetch
+        Returns so many bytes of the file, as it is stored, from a position on: fetch(position, count).
     """
 
     def __init__(self, path: Path, inner: str = "") -> None:
@@ -145,6 +148,7 @@ class Source(contextlib.ExitStack):
         self.stream = _gzip(self._file) if self.packed else self._file
         self._size = size
         self._end = size * DEFLATE_RATIO + _DEFLATE_SLACK if self.packed else size
+        self.fetch = fetch_of(self._file.fileno(), path)
         self.enter_context(guarded(path))
         self.callback(self._file.close)
 
@@ -284,8 +288,8 @@ class Payload:
             self._advice,
         )
 
-    def mapped(self, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
-        """Return `count` values that are read where they are used. Unsupported for packed ones, else as `array`."""
+    def located(self, dtype: np.dtype[Any], count: int) -> StoredSamples:
+        """Return where `count` values lie in the file. Unsupported for packed ones, else as `array`."""
         needed = count * dtype.itemsize
         if not self._exact:
             wanted = "samples that are not packed"
@@ -293,9 +297,7 @@ class Payload:
             raise complain(what, "packed samples", wanted, "unpack them first", kind=Unsupported)
         if self._bound is not None and needed > self._bound:
             raise self._short(needed, self._bound, "samples")
-        if not count:
-            return np.empty(0, dtype)
-        return np.memmap(self._source.path, dtype, "r", self._stream.tell(), (count,))
+        return StoredSamples.dense(self._source.path, dtype, (count,), self._stream.tell())
 
     def array(self, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
         """Return `count` values. InvalidInput where the file has fewer, OutOfMemory where they do not fit."""

@@ -253,11 +253,9 @@ def resample_to_bcc(
     coefficients = _coefficients(samples, middle, method, band_limit, lattice, spacing)
     result = np.empty(lattice.shape, wanted)
     for parity in (0, 1):
-        columns = np.ascontiguousarray(weights[0][parity].T)
-        rows = weights[1][parity]
+        columns, rows = weights[0][parity], weights[1][parity]
         for layers, depth in _chunks(weights[2][0][parity::2], parity, samples.shape):
-            mixed = _mix_layers(depth, coefficients)
-            made = np.matmul(rows, mixed @ columns)
+            made = _along(1, rows, _along(2, columns, _along(0, depth, coefficients)))
             result[layers] = _as_type(made, middle, wanted)
     return BccVolume(result, lattice)
 
@@ -274,24 +272,34 @@ def _positions(
     return [first + step * (np.arange(count, dtype=np.float64) + half) for half in (0.0, 0.5)]
 
 
-def _matrix(method: str, count: int, positions: list[NDArray[np.float64]]) -> list[NDArray[np.float32]]:
+def _matrix(method: str, count: int, positions: list[NDArray[np.float64]]) -> list[Any]:
+    """Return the weights of `count` coefficients at positions, (positions, count) each; most of splines are 0."""
     if method == "fourier":
+        wanted = sum(map(len, positions)) * count * np.dtype(np.float32).itemsize
+        _memory.require(2 * wanted, f"the waves along an axis of {count} samples")
         waves = np.pi / count * np.arange(count)
         return [np.cos((p[:, None] + 0.5) * waves).astype(np.float32) for p in positions]
     return [_spline_matrix(_DEGREES[method], count, p) for p in positions]
 
 
-def _spline_matrix(degree: int, count: int, positions: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Weights of `count` coefficients (mirrored beyond the border) at each position: (positions, count)."""
+def _spline_matrix(degree: int, count: int, positions: NDArray[np.float64]) -> Any:
+    """Return the weights of `count` coefficients, mirrored beyond the border, at each position."""
+    from scipy import sparse  # type: ignore[import-untyped]
+
     first = np.floor(positions - 0.5 * (degree - 1)).astype(np.int64)
-    matrix = np.zeros((len(positions), count))
-    rows = np.arange(len(positions))
-    for step in range(degree + 1):
-        index = first + step
-        weight = _b_spline(degree, positions - index)
-        folded = index % (2 * count)
-        np.add.at(matrix, (rows, np.minimum(folded, 2 * count - 1 - folded)), weight)
-    return matrix.astype(np.float32)
+    index = first + np.arange(degree + 1)[:, None]
+    weights = _b_spline(degree, positions - index)
+    folded = index % (2 * count)
+    places = np.broadcast_to(np.arange(len(positions)), index.shape), np.minimum(folded, 2 * count - 1 - folded)
+    found = sparse.coo_array((weights.ravel(), tuple(map(np.ravel, places))), (len(positions), count))
+    return found.tocsr().astype(np.float32)
+
+
+def _along(axis: int, matrix: Any, values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the product of a matrix with an array along one of its axes."""
+    first = np.moveaxis(values, axis, 0)
+    made = matrix @ first.reshape(len(first), -1)
+    return np.asarray(np.moveaxis(made.reshape(-1, *first.shape[1:]), 0, axis))
 
 
 def _b_spline(degree: int, x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -326,7 +334,7 @@ def _coefficients(
         )
     if method in ("linear", "nearest"):
         return single
-    from scipy import fft  # type: ignore[import-untyped]
+    from scipy import fft
 
     spectrum: NDArray[np.float32] = fft.dctn(single, type=2, overwrite_x=True)
     del single
@@ -365,22 +373,12 @@ def _pass_band(z: float, y: NDArray[np.float64], x: NDArray[np.float64], a: floa
     return np.asarray(0.5 + 0.5 * np.cos(np.pi * ramp), dtype=np.float32)
 
 
-def _chunks(
-    depth: NDArray[np.float32], parity: int, shape: tuple[int, ...]
-) -> Iterator[tuple[slice, NDArray[np.float32]]]:
+def _chunks(depth: Any, parity: int, shape: tuple[int, ...]) -> Iterator[tuple[slice, Any]]:
     """Yield groups of layers of one parity: which layers of the result, and their weights."""
     step = max(1, _CHUNK_BYTES // (4 * shape[1] * shape[2]))
-    for start in range(0, len(depth), step):
+    for start in range(0, depth.shape[0], step):
         part = depth[start : start + step]
-        yield slice(parity + 2 * start, parity + 2 * (start + len(part)), 2), part
-
-
-def _mix_layers(depth: NDArray[np.float32], coefficients: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Sum of old layers by weight: (new layers, rows, columns). Layers of no weight are not touched."""
-    used = np.flatnonzero(depth.any(axis=0))
-    lower, upper = int(used[0]), int(used[-1]) + 1
-    flat = coefficients[lower:upper].reshape(upper - lower, -1)
-    return (depth[:, lower:upper] @ flat).reshape(len(depth), *coefficients.shape[1:])
+        yield slice(parity + 2 * start, parity + 2 * (start + part.shape[0]), 2), part
 
 
 def _as_type(values: NDArray[np.float32], middle: float, dtype: np.dtype[Any]) -> NDArray[Any]:

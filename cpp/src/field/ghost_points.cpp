@@ -29,6 +29,39 @@ double squared_radius(const EllipsoidField& field, std::size_t i, Vec3 offset) {
     return glm::dot(offset, offset);
 }
 
+/// Squared radius from which a place counts as outside a support. Places on the edge, where the kernel is 0, are
+/// outside whatever the rounding.
+constexpr double ghost_inside = 1.0 - 1e-9;
+
+/// The shape of kernel i moved to a place, against boxes.
+class Shape {
+  public:
+    Shape(const EllipsoidField& field, std::size_t i, Vec3 place) : place_(place) {
+        const auto& rotations = field.arrays().rotations;
+        to_unit_ = rotations.empty() ? Mat3(1.0) : glm::transpose(glm::mat3_cast(rotations[i]));
+        for (int column = 0; column < 3; ++column) {
+            to_unit_[column] /= field.semi_axes(i);
+            sizes_[column] = glm::abs(to_unit_[column]);
+        }
+    }
+    /// 1 where all of a box lies inside the shape, -1 where none of it does, 0 where neither is sure.
+    [[nodiscard]] int place(const Box& box) const {
+        // Far beyond what the places of points are rounded by in squared_radius.
+        constexpr double margin = 1e-12;
+        const double middle = glm::length(to_unit_ * (0.5 * (box.lower + box.upper) - place_));
+        const double reach = glm::length(sizes_ * (0.5 * box.extent()));
+        const double nearest = std::max(middle - reach, 0.0), farthest = middle + reach;
+        if (nearest * nearest > ghost_inside + margin) {
+            return -1;
+        }
+        return farthest * farthest < ghost_inside - margin ? 1 : 0;
+    }
+
+  private:
+    Vec3 place_;
+    Mat3 to_unit_, sizes_;
+};
+
 using Cell = std::array<double, 4>;
 
 struct CellHash {
@@ -42,10 +75,6 @@ struct CellHash {
         return mixed;
     }
 };
-
-/// Squared radius from which a place counts as outside a support. Places on the edge, where the kernel is 0, are
-/// outside whatever the rounding.
-constexpr double ghost_inside = 1.0 - 1e-9;
 
 /// The six directions along the axes and the eight along the diagonals between them.
 std::vector<Vec3> ghost_directions() {
@@ -85,9 +114,13 @@ GhostPoints ghost_candidates(const EllipsoidField& field, double distance, std::
         const Vec3 extent = field.extent(i);
         for (const Vec3& direction : directions) {
             const Vec3 place = field.center(i) + shape * (distance * direction);
-            const bool alone = tree.each_in({place - extent, place + extent}, [&](std::size_t, const Vec3& center) {
-                return squared_radius(field, i, center - place) >= ghost_inside;
-            });
+            const Shape moved(field, i, place);
+            const bool alone = tree.each_in(
+                {place - extent, place + extent},
+                [&](std::size_t, const Vec3& center) {
+                    return squared_radius(field, i, center - place) >= ghost_inside;
+                },
+                [&](const Box& box) { return moved.place(box) < 0; });
             if (alone) {
                 if (found.owners.size() == most) {
                     throw OutOfMemory(Complaint{"EllipsoidField: there is not enough memory for the ghost points",
@@ -105,27 +138,16 @@ GhostPoints ghost_candidates(const EllipsoidField& field, double distance, std::
 /// The indices of the candidates that no support reaches, in the order of their kernels, which does not depend on the
 /// tree.
 std::vector<std::size_t> outside_supports(const EllipsoidField& field, const GhostPoints& found) {
-    std::vector<char> kept(found.owners.size(), 1);
-    const PointTree tree(found.centers);
+    PointTree tree(found.centers);
     for (std::size_t i = 0; i < field.size(); ++i) {
-        if (!(field.weight(i) > 0.0)) {
-            continue;
-        }
-        const Vec3& center = field.center(i);
-        const Vec3 extent = field.extent(i);
-        tree.each_in({center - extent, center + extent}, [&](std::size_t n, const Vec3& place) {
-            if (kept[n] != 0 && squared_radius(field, i, place - center) < ghost_inside) {
-                kept[n] = 0;
-            }
-            return true;
-        });
-    }
-    std::vector<std::size_t> places;
-    for (std::size_t n = 0; n < kept.size(); ++n) {
-        if (kept[n] != 0) {
-            places.push_back(n);
+        if (field.weight(i) > 0.0) {
+            const Vec3& center = field.center(i);
+            const Shape shape(field, i, center);
+            tree.remove([&](const Vec3& at) { return squared_radius(field, i, at - center) < ghost_inside; },
+                        [&](const Box& box) { return shape.place(box); });
         }
     }
+    std::vector<std::size_t> places = tree.remaining();
     std::sort(places.begin(), places.end(), [&](std::size_t a, std::size_t b) {
         return std::make_pair(found.owners[a], a) < std::make_pair(found.owners[b], b);
     });

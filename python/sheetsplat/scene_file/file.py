@@ -27,7 +27,7 @@ from sheetsplat.plain_values import class_of, tuples
 from sheetsplat.recipe import LONGEST, FieldRecipe, Recipe, field_recipe_of
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
-from sheetsplat.scene_file.positions import Place, lines_of_keys
+from sheetsplat.scene_file.positions import Place, depth, lines_of_keys
 from sheetsplat.scene_file.sections import SECTIONS, camera_of, check_keys, options_of, value_of
 from sheetsplat.scene_file.tables import camera_table, changed, checked, data_table, one_or_all, plain, without_none
 from sheetsplat.scene_file.toml import document
@@ -38,6 +38,8 @@ FORMAT = 1
 #: How names of scene files end.
 SUFFIX = ".toml"
 _COMMENT = "# A scene of sheetsplat: `sheetsplat render FILE.toml -o picture.png` makes the picture.\n\n"
+# Scene files nest five deep.
+_DEEPEST = 32
 _TOP = ("format", "version", "exact", *SECTIONS)
 # What a file says of its data beside the options of `open`; all but the first in exact scenes only.
 _OF_EXACT_DATA = ("kind", "group", "trim", "ghost_points")
@@ -127,12 +129,12 @@ class SceneFile:
 
         Raises InvalidInput as `read`.
         """
+        if (found := depth(text)) > _DEEPEST:
+            raise complain(f"{name} cannot be read", f"tables or arrays nested {found} deep", f"at most {_DEEPEST}")
         try:
             tables = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise complain(f"{name} cannot be read", str(error), "TOML") from None
-        except RecursionError:
-            raise complain(f"{name} cannot be read", "tables that are nested too deeply", "TOML") from None
         return cls(tables, name=name, folder=folder, lines=lines_of_keys(text))
 
     @classmethod

@@ -16,6 +16,22 @@ _STRING = re.compile(
     re.DOTALL,
 )
 _OTHER = re.compile(r"[^\s,\]}#]+(?: [^\s,\]}#]+)?")
+# What opens and closes tables and arrays, and what parts keys; strings and comments hide it.
+_STRUCTURE = re.compile(rf"{_STRING.pattern}|#[^\n]*|[\[\]{{}}.,=\n]", re.DOTALL)
+
+
+def depth(text: str) -> int:
+    """Return how deep a document nests arrays and tables, or how many parts its longest key has, whichever is more.
+
+    Known before anything is parsed: parsers take memory as the square of either, and recurse.
+    """
+    deepest = level = parts = 0
+    for found in _STRUCTURE.finditer(text):
+        sign = found[0]
+        level += (sign in "[{") - (sign in "]}")
+        parts = parts + 1 if sign == "." else parts if found[0][0] in "\"'" else 0
+        deepest = max(deepest, level, parts + 1)
+    return deepest
 
 
 def lines_of_keys(text: str) -> dict[Place, int]:

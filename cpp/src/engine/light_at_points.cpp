@@ -8,6 +8,7 @@
 #include <glm/common.hpp>
 #include <glm/vector_relational.hpp>
 
+#include "light_grids.hpp"
 #include "reference/classify.hpp"
 
 namespace sheetsplat {
@@ -51,7 +52,7 @@ LightAtPoints::LightAtPoints(const Request& request, const Prepared& prepared, c
     : scene_(request.scene), camera_(request.camera), frame_(prepared.frame), plan_(prepared.plan), volumes_(volumes),
       values_(std::move(values)), surfaces_(!volumes.groups.empty()), groups_(scene_.groups()),
       clipping_(scene_, camera_), cell_(cell_of(scene_)), box_(supports_world(scene_)),
-      lengths_(frame_.slice_spacing / frame_.reference_length) {
+      lengths_(frame_.slice_spacing / frame_.reference_length), together_(steps_together(scene_)) {
     if (plan_.filter) {
         double wider = 0.0;
         for (const auto& field : scene_.fields) {
@@ -291,12 +292,16 @@ double LightAtPoints::absorbed_along(const Vec3& world, const Vec3& direction, c
 double LightAtPoints::left_along(const Vec3& world, const Vec3& direction, double steps) const {
     const auto [from, to] =
         within({glm::max(box_.lower, cell_.lower), glm::min(box_.upper, cell_.upper)}, world, direction);
-    const double first = std::max(1.0, std::floor(from / frame_.slice_spacing));
     const double last = std::min(steps, std::floor(to / frame_.slice_spacing) + 1.0);
     const Vec3 step = frame_.slice_spacing * direction;
     const ClearLine line = clear_line(world, step);
     double left = 1.0;
-    for (double number = first; number <= last && left > dark; number += 1.0) {
+    // The same steps are taken together in every part of a volume.
+    double first =
+        1.0 + together_ * std::floor(std::max(0.0, std::floor(from / frame_.slice_spacing) - 1.0) / together_);
+    for (; first <= last && left > dark; first += together_) {
+        const double taken = std::min(together_, steps - first + 1.0);
+        const double number = first + 0.5 * (taken - 1.0);
         if (clear_at(line, number)) {
             continue;
         }
@@ -308,7 +313,7 @@ double LightAtPoints::left_along(const Vec3& world, const Vec3& direction, doubl
             const PointValues::Value value = value_at(group, point);
             if (!value.empty) {
                 const double opacity = reference::look_up(*groups_[group].transfer_function, value.rho).opacity;
-                left *= opacity > 0.0 ? 1.0 - reference::opacity_over(opacity, lengths_) : 1.0;
+                left *= opacity > 0.0 ? 1.0 - reference::opacity_over(opacity, taken * lengths_) : 1.0;
             }
         }
     }

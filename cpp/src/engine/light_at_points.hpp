@@ -109,6 +109,7 @@ class LightAtPoints {
     Box cell_; ///< of the part: lower <= x < upper
     Box box_;
     double lengths_;
+    double together_; ///< steps of a line to a light through a volume that are taken together
     std::vector<Vec3> to_lights_;
     std::array<Vec3, directions_around> around_ = around_world();
     SurfaceLines lines_;

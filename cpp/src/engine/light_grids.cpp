@@ -192,8 +192,8 @@ Camera along_z(const Vec3& eye, double height) {
     return Camera::orthographic(eye, eye - Vec3(0.0, 0.0, 1.0), Vec3(0.0, 1.0, 0.0), height);
 }
 
-/// A grid of all supports with elements of about `wanted`, or as many as fit. Along z these are whole slice distances;
-/// cubes: as across it, a slice each.
+/// A grid of all supports with elements of about `wanted`, or as many as fit. Along z these are whole slice distances
+/// (steps_together of them are one); cubes: as across it, a slice each.
 LightGrid grid_around(const Box& supports, const Request& request, const DrawPlan& plan, double wanted,
                       double most_elements, bool cubes = false) {
     Scene scene = request.scene;
@@ -203,8 +203,8 @@ LightGrid grid_around(const Box& supports, const Request& request, const DrawPla
     // Beyond an edge lies an element that nothing reaches: what is outside of the grid has its number.
     const auto count = [](double length, double pitch) { return std::ceil(length / pitch - touching) + 3.0; };
     for (;; grid.step *= coarser) {
-        grid.every = cubes ? 1 : static_cast<int>(std::clamp(std::round(grid.step / scene.slice_distance()), 1.0, 1e6));
-        grid.spacing = cubes ? grid.step : scene.slice_distance();
+        grid.spacing = cubes ? grid.step : steps_together(scene) * scene.slice_distance();
+        grid.every = static_cast<int>(std::clamp(std::round(grid.step / grid.spacing), 1.0, 1e6));
         const double wide = count(lengths.x, grid.step), high = count(lengths.y, grid.step);
         const double deep = count(lengths.z, grid.spacing * grid.every);
         if (wide * high * deep <= most_elements && wide < 16384.0 && high < 16384.0) {
@@ -343,7 +343,7 @@ void fill(const LightGrid& grid, const Cut& cut, const Group* group, const Reque
         processor.absorb(job, grid.every, values);
         const std::size_t elements =
             planes_of(grid, cut) * static_cast<std::size_t>(cut.size.width) * static_cast<std::size_t>(cut.size.height);
-        const float per_slice = 1.0F / static_cast<float>(grid.every);
+        const auto per_slice = static_cast<float>(asked.scene.slice_distance() / grid.spacing / grid.every);
         std::transform(values, values + elements, values, [per_slice](float sum) { return per_slice * sum; });
         return;
     }
@@ -369,6 +369,11 @@ bool shows_narrowly(const Scene& scene) {
     const std::vector<Group> groups = scene.groups();
     return scene.mode == Mode::composite &&
            std::any_of(groups.begin(), groups.end(), [&scene](const Group& group) { return is_narrow(scene, group); });
+}
+
+double steps_together(const Scene& scene) {
+    constexpr double steps_of_kernel = 32.0;
+    return std::max(1.0, std::floor(scene.default_slice_spacing() / (steps_of_kernel * scene.slice_distance())));
 }
 
 bool shows_kernels(const Scene& scene, double step) {

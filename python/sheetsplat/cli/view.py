@@ -90,6 +90,6 @@ def command(
             if not is_loopback(host):
                 tell(_ANYWHERE.format(host=host))
             if browser and not viewer.open_browser():
-                say("no browser was found; open the link in one", quiet=quiet)
+                say("no browser could be opened; open the link in one", quiet=quiet)
             say("Ctrl-C ends the viewer", quiet=quiet)
             viewer.wait()

@@ -13,12 +13,15 @@ import hmac
 import ipaddress
 import json
 import logging
+import os
 import secrets
 import socket
+import tempfile
 import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sheetsplat.errors import Error, complain, missing_package
@@ -31,6 +34,14 @@ if TYPE_CHECKING:
     from aiohttp import web
 
 _TOKEN_BYTES = 16
+# Leads from a file to the page.
+_REDIRECTION = """<!doctype html>
+<meta charset="utf-8">
+<meta name="referrer" content="no-referrer">
+<meta http-equiv="refresh" content="0;url={url}">
+<title>sheetsplat</title>
+<a href="{url}">The page of the viewer</a>
+"""
 _LOOPBACK = ("localhost", "127.0.0.1", "::1")
 # Bytes, and messages, that wait for a page which does not take them; a page that is so far behind is gone.
 _MOST_BYTES, _MOST_WAITING = 1 << 24, 2000
@@ -158,6 +169,7 @@ class Server:
         self._session, self._host = session, host
         self._token = secrets.token_urlsafe(_TOKEN_BYTES)
         self._pages = 0
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._loop = asyncio.new_event_loop()
         started: Future[int] = Future()
         self._ended: asyncio.Event | None = None
@@ -179,8 +191,23 @@ class Server:
         host = "127.0.0.1" if anywhere else f"[{self._host}]" if ":" in self._host else self._host
         return f"http://{host}:{self.port}/{self._token}/"
 
+    def redirection(self) -> Path:
+        """Return a file that leads a browser to the page, and that its owner alone can read.
+
+        All users of a machine see the arguments of a browser, where the link would tell them its token. The file goes
+        when the server is closed, or with the process. OSError where it cannot be written.
+        """
+        if self._folder is None:
+            self._folder = tempfile.TemporaryDirectory(prefix="sheetsplat-", ignore_cleanup_errors=True)
+        path = Path(self._folder.name, "viewer.html")
+        with open(path, "w", encoding="utf-8", opener=lambda name, flags: os.open(name, flags, 0o600)) as file:
+            file.write(_REDIRECTION.format(url=self.url))
+        return path
+
     def close(self) -> None:
         """Stop serving."""
+        if self._folder is not None:
+            self._folder.cleanup()
         ended = self._ended
         if ended is not None and self._thread.is_alive():
             self._loop.call_soon_threadsafe(ended.set)

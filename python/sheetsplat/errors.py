@@ -11,6 +11,8 @@ import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from sheetsplat._escaping import escaped
+
 __all__ = [
     "Cancelled",
     "Complaint",
@@ -101,8 +103,9 @@ class Words:
         return bool(self.pieces)
 
     def text(self, spelling: Callable[[OptionRef], str] = spelled_in_python) -> str:
-        """Return the text with every reference spelled by a function."""
-        return "".join(piece if isinstance(piece, str) else spelling(piece) for piece in self.pieces)
+        """Return the text, with every reference spelled by a function, as one line without control characters."""
+        # Names from files stand in it, and what other libraries say of files.
+        return escaped("".join(piece if isinstance(piece, str) else spelling(piece) for piece in self.pieces))
 
 
 def option_ref(name: str, value: str = "") -> Words:

@@ -43,6 +43,8 @@ _LONGEST_NAME = 12
 # Characters in the height of two letters, the usual ratio; lines of a label have at least so many.
 _WIDTH_OF_LETTER = 0.55
 _SHORTEST_LINE = 12
+# Names from files are no TeX.
+_AS_IT_IS = {"parse_math": False, "usetex": False}
 
 
 @dataclass(frozen=True)
@@ -199,11 +201,6 @@ def _is_mathematics(text: str) -> bool:
     return True
 
 
-def _label(text: str) -> str:
-    """Return a text for a label; dollar signs that do not enclose TeX stay dollar signs."""
-    return text if _is_mathematics(text) else text.replace("$", r"\$")
-
-
 def _check_title(function: str, title: object) -> None:
     if title is not None and not isinstance(title, str):
         raise complain(unusable(f"{function}: title"), shown(title), "a text, or None")
@@ -230,12 +227,13 @@ def to_axes(image: Image, ax: Any, *, colorbar: bool, title: str | None) -> Any:
     # Pixels are squares, also where a step along one axis is as long as another one along the other.
     square = "equal" if plane.oblique else abs((right - left) / width / ((top - bottom) / height))
     ax.imshow(np.asarray(image), extent=plane.extent, aspect=square)
-    ax.set_xlabel(_label(plane.labels[0]))
-    ax.set_ylabel(_label(plane.labels[1]))
+    ax.set_xlabel(plane.labels[0], **_AS_IT_IS)
+    ax.set_ylabel(plane.labels[1], **_AS_IT_IS)
     if title is not None:
         ax.set_title(title)
     for bar in color_bars(image) if colorbar else ():
-        made = ax.figure.colorbar(_mappable(bar), ax=ax, label=_label(bar.label))
+        made = ax.figure.colorbar(_mappable(bar), ax=ax)
+        made.set_label(bar.label, **_AS_IT_IS)
         made.ax.set_axes_locator(partial(_beside, ax))
         _mark(made.ax, bar)
     return ax
@@ -287,8 +285,8 @@ def annotated(image: Image, *, colorbar: bool, axes: bool, scale_bar: bool, titl
         plane = picture_plane(image)
         frame.imshow(shown, extent=plane.extent, aspect="auto", interpolation="nearest")
         if axes:
-            frame.set_xlabel(_lines(plane.labels[0], width, pixel))
-            frame.set_ylabel(_lines(plane.labels[1], height, pixel))
+            frame.set_xlabel(_lines(plane.labels[0], width, pixel), **_AS_IT_IS)
+            frame.set_ylabel(_lines(plane.labels[1], height, pixel), **_AS_IT_IS)
             # Few numbers, where more would run into each other.
             frame.locator_params(axis="x", nbins=_ticks(width, pixel))
             frame.locator_params(axis="y", nbins=_ticks(height, pixel))
@@ -299,7 +297,7 @@ def annotated(image: Image, *, colorbar: bool, axes: bool, scale_bar: bool, titl
         left = pad + width + pixel
         for bar in bars:
             beside = _axes_at(figure, left, pad, 1.2 * pixel, height)
-            figure.colorbar(_mappable(bar), cax=beside, label=_lines(bar.label, height, pixel))
+            figure.colorbar(_mappable(bar), cax=beside).set_label(_lines(bar.label, height, pixel), **_AS_IT_IS)
             _mark(beside, bar)
             # The next one follows the numbers and the label, whose widths depend on the data.
             left = beside.get_tightbbox(canvas.get_renderer()).x1 + pixel
@@ -320,12 +318,11 @@ def annotated(image: Image, *, colorbar: bool, axes: bool, scale_bar: bool, titl
 
 
 def _lines(text: str, length: float, pixel: float) -> str:
-    """Return a label in as many lines as fit beside a side of so many pixels; TeX is not divided."""
+    """Return a text in as many lines as fit beside a side of so many pixels."""
     import textwrap
 
-    label = _label(text)
     most = max(int(length / (_WIDTH_OF_LETTER * pixel)), _SHORTEST_LINE)
-    return label if "$" in label else "\n".join(textwrap.wrap(label, most, break_long_words=False)) or label
+    return "\n".join(textwrap.wrap(text, most, break_long_words=False)) or text
 
 
 def _ticks(length: float, pixel: float) -> int:
@@ -363,7 +360,14 @@ def _draw_scale_bar(axes: Any, image: Image, pixel: float) -> None:
     # A text that is longer than the bar ends where the bar does.
     middle = max(right - 0.5 * max(across, _WIDTH_OF_LETTER * pixel * len(text)), 0.0)
     made = axes.text(
-        middle, bottom + 0.5 * pixel, _label(text), ha="center", va="bottom", color=_INK, fontsize=pixel * 72.0 / _DPI
+        middle,
+        bottom + 0.5 * pixel,
+        text,
+        ha="center",
+        va="bottom",
+        color=_INK,
+        fontsize=pixel * 72.0 / _DPI,
+        **_AS_IT_IS,
     )
     _outlined(made, pixel)
 
@@ -390,6 +394,8 @@ def _draw_directions(axes: Any, image: Image, pixel: float) -> None:
                 linewidth=thick * pixel * 72.0 / _DPI,
                 solid_capstyle="round",
             )
-        label = axes.text(middle + places[n], start + 1.35 * y, _label(names[n]), ha="center", va="center", color=color)
+        label = axes.text(
+            middle + places[n], start + 1.35 * y, names[n], ha="center", va="center", color=color, **_AS_IT_IS
+        )
         label.set(fontweight="bold", fontsize=pixel * 72.0 / _DPI)
         _outlined(label, pixel)

@@ -210,7 +210,11 @@ def notebook_messages(seed: int, count: int) -> Tally:
     with Faults() as faults, viewer() as shown:
         widget, session = shown.widget, shown._session
         for number in range(count):
-            content: Any = {"place": f"p{rng.randrange(_PLACES)}", **copy.deepcopy(good(rng))}
+            place = f"p{rng.randrange(_PLACES)}"
+            if number % 50 == 0 or rng.random() < 0.5:
+                # Nobody else is listened to.
+                widget._msg_callbacks(widget, {"place": place, "type": "hello", "width": 32, "height": 24}, None)
+            content: Any = {"place": place, **copy.deepcopy(good(rng))}
             if rng.random() < 0.7:
                 content = spoiled(rng, content)
             elif rng.random() < 0.2:

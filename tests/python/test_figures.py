@@ -185,6 +185,18 @@ def test_titles_and_axes_that_cannot_be_used(image, field):
     assert image.annotated(title="$\\alpha^2$").size > (40, 30)
 
 
+def test_names_are_no_mathematics(field, monkeypatch):
+    def parse(*_):
+        raise AssertionError("a name was taken for TeX")
+
+    odd = ss.render(field.with_quantity("$\\alpha$", "$x$", "$y$"), **SMALL)
+    monkeypatch.setattr("matplotlib.mathtext.MathTextParser.parse", parse)
+    assert odd.annotated(scale_bar=True).size > (40, 30)
+    axes = odd.to_axes()
+    axes.figure.canvas.draw()
+    assert "[$y$]" in axes.get_xlabel()
+
+
 def test_several_surfaces_have_colours_that_are_seen(ball):
     picture = ss.render(ball, mode="isosurface", iso_value=[(0.3, 0.5), (0.8, 1.0)], cmap="gray", **SMALL)
     low, high = picture.clim

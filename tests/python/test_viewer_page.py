@@ -13,6 +13,7 @@ from chromium import Chromium, missing
 from PIL import Image as Pillow
 
 import sheetsplat as ss
+from sheetsplat.viewer.page import files
 
 pytestmark = [
     pytest.mark.slow,
@@ -423,3 +424,23 @@ def test_random_input_leaves_the_viewer_working(opened):
     number = shown(page)
     page.evaluate("window.sheetsplat.set({background: '#ff0000'})")
     complete_after(page, number)
+
+
+def test_a_widget_says_that_it_is_there_and_comes_again_where_it_was_forgotten(opened):
+    _, page = opened(values())
+    script = files.widget_script().rpartition("function widgetLine")[2].partition("function render")[0]
+    page.evaluate(
+        f"(() => {{ function widgetLine{script}"
+        """
+        const model = {get: () => 0.05, send: (told) => sent.push(told), on: (_, take) => { window.take = take; }};
+        Object.assign(window, {sent: [], hellos: 0, model: {...model, off: () => {}}});
+        window.line = widgetLine(window.model, {open: () => { hellos += 1; }, message: () => {}}); })()"""
+    )
+    page.wait("hellos === 1 && sent.filter((one) => one.type === 'alive').length > 2")
+    page.evaluate("take({type: 'forgotten', place: 'of another'})")
+    page.evaluate("take({type: 'forgotten', place: sent[0].place})")
+    assert page.evaluate("hellos") == 2
+    page.evaluate("line.close()")
+    said = page.evaluate("sent.length")
+    time.sleep(0.2)
+    assert page.evaluate("[sent.length, sent.at(-1).type]") == [said, "bye"]

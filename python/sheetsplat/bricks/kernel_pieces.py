@@ -183,6 +183,7 @@ def _of_columns(columns: Any, where: str, scalar: str | None, kernels: Mapping[s
 
 def _field(record: Scattered, kernels: Mapping[str, Any], where: str) -> EllipsoidField:
     """Return the kernels of a piece of a table, which must have their sizes."""
+    from sheetsplat.io.checks import printable
     from sheetsplat.io.kernels import field_of
 
     if not record.has_kernels:
@@ -195,7 +196,7 @@ def _field(record: Scattered, kernels: Mapping[str, Any], where: str) -> Ellipso
     if record.weights is not None and (record.weights == 0).all():
         record = replace(record, weights=np.full_like(record.weights, _LEAST_WEIGHT))
     field = field_of(record, **kernels)
-    return field.with_quantity(name=record.scalar, unit=record.unit, length_unit=record.length_unit)
+    return field.with_quantity(name=printable(record.scalar), unit=record.unit, length_unit=record.length_unit)
 
 
 def pieces_of(data: Any, options: Mapping[str, Any], client: Any = None) -> Pieces | None:

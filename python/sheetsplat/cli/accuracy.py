@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any, Literal
 
@@ -10,7 +11,7 @@ import click
 from sheetsplat.accuracy.knobs import KNOBS
 from sheetsplat.cli.help import GroupedCommand
 from sheetsplat.cli.options import as_json, check_mode, common, scene_options
-from sheetsplat.cli.output import check_outputs, progress_bar, report_json, say
+from sheetsplat.cli.output import check_outputs, console, progress_bar, report, report_json, say
 from sheetsplat.cli.scene import forced_effects, prepare
 from sheetsplat.cli.types import Parsed
 from sheetsplat.options.core import pick
@@ -93,7 +94,7 @@ def command(
     scene, camera, _, size = prepare(file, options)
     settings = {**pick(RendererOptions, options), "effects": forced_effects(options["effects"])}
     with progress_bar(file.name, quiet=quiet) as progress:
-        report = accuracy(
+        found = accuracy(
             scene,
             camera,
             size=size,
@@ -105,17 +106,15 @@ def command(
             **settings,
         )
     if output is not None:
-        report.plot(output)
+        found.plot(output)
         say(f"{output}: the plot", quiet=quiet)
     if as_json:
-        report_json(report.to_dict())
+        report_json(found.to_dict())
         return
-    from rich.console import Console
-
-    console = Console()
+    terminal = console(sys.stdout)
     # Files and pipes have no width.
-    if not console.is_terminal:
-        click.echo(str(report))
+    if terminal is None:
+        report(*str(found).split("\n"))
         return
-    console.print(report.table())
-    console.print(report.text_below(), markup=False, highlight=False)
+    terminal.print(found.table())
+    terminal.print(found.text_below(), markup=False, highlight=False)

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from sheetsplat.cli.options import as_json, common
-from sheetsplat.cli.output import check_outputs, report_json, say
+from sheetsplat.cli.output import check_outputs, report, report_json, say
 
 _PATH = click.Path(path_type=Path)
 
@@ -67,9 +67,9 @@ def command(
         for name, title in (("rmse", "RMSE"), ("p99_9", "P99.9"), ("maximum", "maximum"), ("flip", "FLIP")):
             limit = bounds[name]
             note = "" if limit is None else f"  {'above' if name in above else 'within'} {limit:g}"
-            click.echo(f"{title:<8} {distances[name]:.6g}{note}")
+            report(f"{title:<8} {distances[name]:.6g}{note}")
         if factor is not None:
-            click.echo(f"{difference}: the difference times {factor:.6g}")
+            report(f"{difference}: the difference times {factor:.6g}")
     if above:
         say(f"{picture} differs from {reference} by more than allowed: {', '.join(above)}", quiet=quiet)
         sys.exit(1)

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from sheetsplat.cli.options import apply, as_json, common, single
-from sheetsplat.cli.output import progress_bar, report_json, say
+from sheetsplat.cli.output import progress_bar, report, report_json, say
 from sheetsplat.options.picture import PictureOptions
 from sheetsplat.options.quality import QualityOptions
 from sheetsplat.options.renderer import Backend, RendererOptions
@@ -63,10 +63,10 @@ def command(
     image.save(output)
     seconds = time.perf_counter() - began
     if as_json:
-        report = {"output": str(output.resolve()), "dataset": dataset, "seconds": seconds}
-        report_json({**report, "plan": image.plan.to_dict(), "stats": image.stats})
+        made = {"output": str(output.resolve()), "dataset": dataset, "seconds": seconds}
+        report_json({**made, "plan": image.plan.to_dict(), "stats": image.stats})
     else:
-        click.echo(str(output.resolve()))
+        report(str(output.resolve()))
     plan = image.plan
     say(
         f"rendered {dataset} by {plan.backend}{f' on {plan.device}' if plan.device else ''} in {seconds:.1f} s",

@@ -8,7 +8,7 @@ import os
 import click
 
 from sheetsplat.cli.options import as_json, common
-from sheetsplat.cli.output import report_json
+from sheetsplat.cli.output import report, report_json
 from sheetsplat.device import Device, devices
 from sheetsplat.options.renderer import BACKENDS
 
@@ -38,7 +38,7 @@ def command(as_json: bool, quiet: bool) -> None:
         return
     for device in found:
         name = device.backend + (f" ({device.platform})" if device.platform else "")
-        click.echo(f"{name:<18}{'yes' if device.available else 'no':<5}{device.description}")
+        report(f"{name:<18}{'yes' if device.available else 'no':<5}{device.description}")
         for title, names in (("extensions", device.extensions), ("work-arounds", device.workarounds)):
             if names:
-                click.echo(f"{'':<23}{title}: {', '.join(names)}")
+                report(f"{'':<23}{title}: {', '.join(names)}")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.cli.options import apply, as_json, common, options_of
-from sheetsplat.cli.output import report_json
+from sheetsplat.cli.output import report, report_json
 from sheetsplat.cli.scene import file_options
 from sheetsplat.options.data import FileOptions, PlacementOptions
 
@@ -245,7 +245,7 @@ def _scattered_rows(report: dict[str, Any]) -> list[tuple[str, str]]:
     ]
 
 
-def _table(report: dict[str, Any]) -> str:
+def _table(report: dict[str, Any]) -> list[str]:
     rows = [
         ("file", report["file"]),
         ("format", report["format"] + (f", {report['content']}" if "content" in report else "")),
@@ -277,7 +277,7 @@ def _table(report: dict[str, Any]) -> str:
         lines += ["", "histogram (logarithmic)"]
         for label, count in zip(labels, counts, strict=True):
             lines.append(f"{label:>{width}}  {'#' * round(_BAR * np.log1p(count) / top):<{_BAR}} {count}")
-    return "\n".join(lines)
+    return lines
 
 
 @click.command("info")
@@ -288,8 +288,8 @@ def _table(report: dict[str, Any]) -> str:
 @common
 def command(file: Path, bins: int, as_json: bool, quiet: bool, **options: Any) -> None:
     """Show sizes, ranges, histogram and memory of the FILE, a volume or scattered data."""
-    report = survey(file, options, bins)
+    found = survey(file, options, bins)
     if as_json:
-        report_json(report)
+        report_json(found)
     else:
-        click.echo(_table(report))
+        report(*_table(found))

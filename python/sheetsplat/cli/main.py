@@ -16,7 +16,8 @@ from typing import Any
 
 import click
 
-from sheetsplat.cli.output import tell
+from sheetsplat._escaping import escaped
+from sheetsplat.cli.output import guarded, report, tell
 from sheetsplat.cli.wording import message
 from sheetsplat.errors import Error, InvalidInput
 
@@ -72,7 +73,7 @@ class _Group(click.Group):
         """Run the program, with all three standard streams open, and its files removed where it is terminated."""
         _open_streams()
         try:
-            with _terminated_by_exit():
+            with _terminated_by_exit(), guarded():
                 return super().main(*args, **kwargs)
         except OSError as error:
             # Readers turn theirs into errors of the package, and click answers a closed pipe: this is stdout's.
@@ -120,7 +121,10 @@ class _Group(click.Group):
             if isinstance(error, InvalidInput) and error.option == "effects":
                 raise click.UsageError(text, ctx) from None
             tell(f"sheetsplat: {text}")
-        except (click.ClickException, click.exceptions.Exit, click.Abort):
+        except click.ClickException as error:
+            error.message = escaped(error.message)  # type: ignore[misc]  # It is final for others only.
+            raise
+        except (click.exceptions.Exit, click.Abort):
             raise
         except MemoryError:
             tell("sheetsplat: there is not enough memory; use a smaller volume or picture")
@@ -129,8 +133,7 @@ class _Group(click.Group):
         except Exception as error:
             if logging.getLogger("sheetsplat").isEnabledFor(logging.DEBUG):
                 traceback.print_exc()
-            reason = " ".join(str(error).split())[:_REASON]
-            tell(f"sheetsplat: internal error, {type(error).__name__}: {reason}")
+            tell(f"sheetsplat: internal error, {type(error).__name__}: {str(error)[:_REASON]}")
         sys.exit(1)
 
 
@@ -139,11 +142,12 @@ def _tell_version(context: click.Context, _parameter: click.Parameter, value: bo
         # Only here: help needs no native module.
         from sheetsplat import __version__
 
-        click.echo(f"sheetsplat, version {__version__}")
+        report(f"sheetsplat, version {__version__}")
         context.exit()
 
 
-@click.command(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
+# Nothing is styled. Without "color" click would remove some escape sequences from names, which the guard shows.
+@click.command(cls=_Group, context_settings={"help_option_names": ["-h", "--help"], "color": True})
 @click.option(
     "--version",
     is_flag=True,

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import click
 from click.core import ParameterSource
 
+from sheetsplat._escaping import escaped
 from sheetsplat.cli.help import help_all
 from sheetsplat.cli.optional_values import OptionalValue
 from sheetsplat.cli.types import Word, param_type
@@ -40,12 +41,20 @@ class _LogHandler(logging.StreamHandler):  # type: ignore[type-arg]
     """Writes the log to stderr; a class of its own, so that the next command of the process finds and replaces it."""
 
 
+class _Lines(logging.Formatter):
+    """Makes each message one line, but those that are written in several."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802  # The name is logging's.
+        """Return the message."""
+        return escaped(super().formatMessage(record), kept="\n" if "\n" in str(record.msg) else "")
+
+
 def _set_log(quiet: bool, verbose: int) -> None:
     logger = logging.getLogger("sheetsplat")
     for old in [handler for handler in logger.handlers if isinstance(handler, _LogHandler)]:
         logger.removeHandler(old)
     handler = _LogHandler()
-    handler.setFormatter(logging.Formatter("%(message)s"))
+    handler.setFormatter(_Lines("%(message)s"))
     logger.addHandler(handler)
     logger.setLevel(logging.ERROR if quiet else (logging.WARNING, logging.INFO, logging.DEBUG)[min(verbose, 2)])
 

@@ -9,7 +9,7 @@ import click
 
 from sheetsplat.cli.help import GroupedCommand
 from sheetsplat.cli.options import as_json, check_mode, common, scene_options
-from sheetsplat.cli.output import report_json
+from sheetsplat.cli.output import report, report_json
 from sheetsplat.cli.scene import prepare
 
 
@@ -39,4 +39,4 @@ def command(file: Path, measure: bool, repeats: int, as_json: bool, quiet: bool,
     if as_json:
         report_json(plan.to_dict())
     else:
-        click.echo(str(plan))
+        report(*str(plan).split("\n"))

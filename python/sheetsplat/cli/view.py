@@ -11,7 +11,7 @@ import click
 from sheetsplat.cli.cluster import brick_options, in_bricks, is_cut, without_bricks
 from sheetsplat.cli.help import GroupedCommand
 from sheetsplat.cli.options import check_mode, common, scene_options
-from sheetsplat.cli.output import say, tell
+from sheetsplat.cli.output import report, say, tell
 from sheetsplat.cli.scene import given_keywords
 from sheetsplat.cli.wording import usage_errors
 from sheetsplat.io.formats import LISTED_REGULAR, LISTED_SCATTERED
@@ -86,10 +86,10 @@ def command(
         link = viewer.url
         # From the link on, Ctrl-C is how the viewer ends.
         with contextlib.suppress(KeyboardInterrupt):
-            click.echo(link)
+            report(link)
             if not is_loopback(host):
                 tell(_ANYWHERE.format(host=host))
             if browser and not viewer.open_browser():
-                say("no browser was found; open the link in one", quiet=quiet)
+                say("no browser could be opened; open the link in one", quiet=quiet)
             say("Ctrl-C ends the viewer", quiet=quiet)
             viewer.wait()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sheetsplat import _memory
-from sheetsplat.io.checks import unreadable
+from sheetsplat.io.checks import printable, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.quantity import Quantity
 
@@ -39,4 +39,5 @@ def read(data: Any, where: str) -> Volume:
     values = data.compute() if hasattr(data, "compute") else data[()]
     # Names that dask makes up say nothing.
     name = PurePosixPath(str(getattr(data, "name", None) or "")).name if not hasattr(data, "compute") else ""
-    return Volume(np.asarray(values), format=type(data).__module__.partition(".")[0], quantity=Quantity(name[:200]))
+    quantity = Quantity(printable(name))
+    return Volume(np.asarray(values), format=type(data).__module__.partition(".")[0], quantity=quantity)

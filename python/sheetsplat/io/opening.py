@@ -17,7 +17,7 @@ from sheetsplat._checks import is_off, shown
 from sheetsplat.errors import complain, option_ref, option_refs
 from sheetsplat.fields import EllipsoidField, RegularField
 from sheetsplat.io.axes import tell_units
-from sheetsplat.io.checks import Where, unreadable
+from sheetsplat.io.checks import Where, printable, unreadable
 from sheetsplat.io.formats import SCATTERED, Format, find_format, format_of
 from sheetsplat.io.kernels import field_of, given, log_base, logarithm
 from sheetsplat.io.records import Scattered, Volume
@@ -263,7 +263,8 @@ def _of_scattered(data: Scattered, options: Mapping[str, Any]) -> EllipsoidField
     log = options.get("log", False)
     floor = log_base(data.values, data.scalar, log) if log is not False and data.values.size else None
     field = field_of(data, logarithmic=log, **chosen)
-    return field.with_quantity(name=data.scalar, unit=data.unit, length_unit=data.length_unit, floor=floor)
+    name = printable(data.scalar)
+    return field.with_quantity(name=name, unit=data.unit, length_unit=data.length_unit, floor=floor)
 
 
 def _of_volume(volume: Volume, options: Mapping[str, Any]) -> RegularField:

@@ -13,16 +13,20 @@ import hmac
 import ipaddress
 import json
 import logging
+import os
 import secrets
 import socket
+import tempfile
 import threading
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sheetsplat.errors import Error, complain, missing_package
 from sheetsplat.viewer.client import Client
+from sheetsplat.viewer.connections import Limits, Strangers, accept
 from sheetsplat.viewer.page import files
 from sheetsplat.viewer.protocol import LONGEST, packed
 from sheetsplat.viewer.session import Session
@@ -31,6 +35,14 @@ if TYPE_CHECKING:
     from aiohttp import web
 
 _TOKEN_BYTES = 16
+# Leads from a file to the page.
+_REDIRECTION = """<!doctype html>
+<meta charset="utf-8">
+<meta name="referrer" content="no-referrer">
+<meta http-equiv="refresh" content="0;url={url}">
+<title>sheetsplat</title>
+<a href="{url}">The page of the viewer</a>
+"""
 _LOOPBACK = ("localhost", "127.0.0.1", "::1")
 # Bytes, and messages, that wait for a page which does not take them; a page that is so far behind is gone.
 _MOST_BYTES, _MOST_WAITING = 1 << 24, 2000
@@ -63,6 +75,7 @@ def _listening(host: str, port: int) -> socket.socket:
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listener.bind(address)
         listener.listen()
+        listener.setblocking(False)
     except BaseException:
         listener.close()
         raise
@@ -141,6 +154,8 @@ class Server:
         Address to listen at.
     port
         Port to listen at; 0: any free one.
+    limits
+        What it grants to connections; the usual unless given.
 
     Raises
     ------
@@ -150,14 +165,16 @@ class Server:
         Where the address cannot be listened at.
     """
 
-    def __init__(self, session: Session, host: str = "127.0.0.1", port: int = 0) -> None:
+    def __init__(self, session: Session, host: str = "127.0.0.1", port: int = 0, limits: Limits | None = None) -> None:
         try:
             import aiohttp  # noqa: F401
         except ImportError as error:
             raise missing_package("the viewer's page cannot be served", error) from None
-        self._session, self._host = session, host
+        self._session, self._host, self._limits = session, host, limits or Limits()
+        self._strangers = Strangers(self._limits)
         self._token = secrets.token_urlsafe(_TOKEN_BYTES)
         self._pages = 0
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._loop = asyncio.new_event_loop()
         started: Future[int] = Future()
         self._ended: asyncio.Event | None = None
@@ -179,8 +196,23 @@ class Server:
         host = "127.0.0.1" if anywhere else f"[{self._host}]" if ":" in self._host else self._host
         return f"http://{host}:{self.port}/{self._token}/"
 
+    def redirection(self) -> Path:
+        """Return a file that leads a browser to the page, and that its owner alone can read.
+
+        All users of a machine see the arguments of a browser, where the link would tell them its token. The file goes
+        when the server is closed, or with the process. OSError where it cannot be written.
+        """
+        if self._folder is None:
+            self._folder = tempfile.TemporaryDirectory(prefix="sheetsplat-", ignore_cleanup_errors=True)
+        path = Path(self._folder.name, "viewer.html")
+        with open(path, "w", encoding="utf-8", opener=lambda name, flags: os.open(name, flags, 0o600)) as file:
+            file.write(_REDIRECTION.format(url=self.url))
+        return path
+
     def close(self) -> None:
         """Stop serving."""
+        if self._folder is not None:
+            self._folder.cleanup()
         ended = self._ended
         if ended is not None and self._thread.is_alive():
             self._loop.call_soon_threadsafe(ended.set)
@@ -198,15 +230,22 @@ class Server:
         application = web.Application(client_max_size=1024)
         application.router.add_route("*", "/{tail:.*}", self._answer)
         runner = web.AppRunner(
-            application, access_log=None, handle_signals=False, shutdown_timeout=1.0, logger=_http_log()
+            application,
+            access_log=None,
+            handle_signals=False,
+            shutdown_timeout=1.0,
+            keepalive_timeout=self._limits.patience,
+            logger=_http_log(),
         )
         await runner.setup()
+        assert runner.server is not None
         try:
-            # The runner closes it.
-            listener = _listening(self._host, port)
-            await web.SockSite(runner, listener).start()
-            started.set_result(listener.getsockname()[1])
-            await self._ended.wait()
+            with _listening(self._host, port) as listener:
+                taking = asyncio.create_task(accept(listener, runner.server, self._strangers, self._limits.pause))
+                started.set_result(listener.getsockname()[1])
+                await self._ended.wait()
+                taking.cancel()
+                await asyncio.wait([taking])
         except BaseException as error:
             if started.done():
                 raise
@@ -242,8 +281,10 @@ class Server:
         from aiohttp import web
 
         nothing = web.Response(status=404, headers=_HEADERS)
+        nothing.force_close()
         if request.method != "GET" or not self._may(request):
             return nothing
+        self._strangers.know(request.transport)
         name = request.path.split("/", 2)[2] if request.path.count("/") > 1 else None
         if name == "socket":
             # Browsers name the origin of every websocket.
@@ -265,7 +306,7 @@ class Server:
         """Carry messages between a page and the session until the page is gone."""
         from aiohttp import WSMsgType, web
 
-        line = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=20.0, compress=False)
+        line = web.WebSocketResponse(max_msg_size=LONGEST, heartbeat=self._limits.heartbeat, compress=False)
         if not line.can_prepare(request):
             return web.Response(status=404, headers=_HEADERS)
         try:

@@ -63,6 +63,9 @@ class Viewer:
 
         Whoever knows it, and can reach the address, sees the data and can change the picture.
         """
+        return self._serving().url
+
+    def _serving(self) -> Server:
         with self._lock:
             if self._done.is_set():
                 raise complain("the viewer has no page", "a viewer that was closed", "", "view the data again")
@@ -70,7 +73,7 @@ class Viewer:
                 from sheetsplat.viewer.server import Server
 
                 self._server = Server(self._session, self._host, self._port)
-            return self._server.url
+            return self._server
 
     @property
     def widget(self) -> Any:
@@ -127,9 +130,13 @@ class Viewer:
         return self._session.code()
 
     def open_browser(self) -> bool:
-        """Open the page in the browser of this machine; return whether one was found."""
-        with contextlib.suppress(webbrowser.Error):
-            return webbrowser.open(self.url)
+        """Open the page in the browser of this machine; return whether one was found.
+
+        The browser is given a file that leads to the page, which no other user can read, until the viewer is closed.
+        """
+        server = self._serving()
+        with contextlib.suppress(webbrowser.Error, OSError):
+            return webbrowser.open(server.redirection().as_uri())
         return False
 
     def wait(self) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sheetsplat._checks import triple
 from sheetsplat.io.axes import Placed, nearest_the_world, on_even_axes
-from sheetsplat.io.checks import floats, unreadable
+from sheetsplat.io.checks import floats, printable, unreadable
 from sheetsplat.io.records import Floats, Volume
 from sheetsplat.io.source import Source
 from sheetsplat.io.vtk_xml.arrays import ArrayReader
@@ -62,7 +62,7 @@ def _volume(source: Source, scalar: str | None, resample: bool) -> Volume:
             places = [0.5 * (along[1:] + along[:-1]) if along.size > 1 else along for along in places]
         placed = on_even_axes(path, ("x", "y", "z"), places, values, resample=resample)
     details = {"content": chosen.name, **placed.details}
-    quantity = Quantity(chosen.name)
+    quantity = Quantity(printable(chosen.name))
     return Volume(placed.values, placed.spacing, placed.origin, KINDS[pieces.kind], details, quantity)
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 from sheetsplat import _sheetsplat
 from sheetsplat._json import plain
+from sheetsplat._time_left import about
 
 
 @dataclass(frozen=True)
@@ -141,6 +142,9 @@ class RenderPlan:
         Root mean square distance from the float64 reference at the same slices that is expected from each cause,
         estimated from the scene alone and mostly too large. The errors of the distance of slices and of the opacity
         stop are not included: `Image.error` and the effect "settings for max_error" have them.
+    expected_seconds
+        About how long the picture takes, within a factor of three; None where that is not known: on a graphics
+        processor, of data in bricks, and in the plan of a picture, which has its time in ``Image.stats``.
     picture_ms
         Median time of the picture in milliseconds where `Renderer.measure_effects` made this plan; else None.
     notes
@@ -173,6 +177,7 @@ class RenderPlan:
     notes: tuple[str, ...] = ()
     quality: PictureQuality | None = None
     supersampling: int = 1
+    expected_seconds: float | None = field(default=None, compare=False)
 
     @classmethod
     def of_native(
@@ -229,6 +234,8 @@ class RenderPlan:
             ("slices", f"{self.slices}, {self.slice_spacing:g} apart, the first is n = {self.first_slice}"),
             ("memory", f"{self.memory / 1e6:.1f} MB beside the fields"),
         ]
+        if self.expected_seconds is not None:
+            rows.append(("time", f"about {about(self.expected_seconds)}"))
         lines = [f"{name:<11}{text}" for name, text in rows]
         lines += [f"{'note':<11}{note}" for note in self.notes]
         if self.quality is not None:

@@ -6,6 +6,7 @@ import logging
 import os
 import time
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, NamedTuple, Unpack
 
@@ -16,6 +17,7 @@ from sheetsplat._checks import check_progress, image_size, instance, names, numb
 from sheetsplat.camera import Camera
 from sheetsplat.effect_names import check_effects
 from sheetsplat.errors import Unsupported, complain, option_ref, unusable
+from sheetsplat.expected_time import ExpectedTime, expected_time, may_be_long, warn_of_time
 from sheetsplat.fields import any_in_bricks
 from sheetsplat.image import ErrorEstimate, Image
 from sheetsplat.limits import Depths, checked_depths
@@ -236,8 +238,9 @@ class Renderer:
         with counting_samples(view.samples):
             native = self.native.plan(**view.native())
         plan = RenderPlan.of_native(native, scene.notes, scene.quality, view.samples)
+        expected = self._expected_time(view, plan)
         self._warn_of_unused(plan)
-        return plan
+        return replace(plan, expected_seconds=None if expected is None else expected.seconds)
 
     def measure_effects(
         self,
@@ -341,6 +344,7 @@ class Renderer:
         check_progress("Renderer", progress)
         began = time.perf_counter()
         with counting_samples(view.samples):
+            self._warn_of_time(view)
             native = self.native.render(**view.native(), progress=progress)
         return self._finished(native, view, began)
 
@@ -437,6 +441,17 @@ class Renderer:
             _log.debug("plan\n%s", plan)
             _log.debug("stats %s", image.stats)
         return image
+
+    @staticmethod
+    def _expected_time(view: _View, plan: RenderPlan | _sheetsplat.RenderPlan) -> ExpectedTime | None:
+        drawn = view.scene, view.camera, view.size
+        return expected_time(*drawn, plan.backend, plan.device, slices=plan.slices, spacing=plan.slice_spacing)
+
+    def _warn_of_time(self, view: _View) -> None:
+        """Warn of a picture that is going to take long, unless a goal bounds its time."""
+        if is_muted() or self.max_seconds or not may_be_long(*view[:3], self._settings["backend"]):
+            return
+        warn_of_time(self._expected_time(view, self.native.plan(**view.native())))
 
     def _recipe(self, native: _sheetsplat.Image, view: _View) -> Recipe:
         """Return how a picture was made, with what a goal chose in place of what was given."""

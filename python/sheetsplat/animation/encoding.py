@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
+from sheetsplat._processes import start
 from sheetsplat.errors import Error, complain, missing_package
 from sheetsplat.io.pictures import whole_file
 
@@ -124,9 +125,7 @@ def encoder(path: Path, size: tuple[int, int], fps: float) -> Iterator[Encoder]:
     plain = ["-an", "-map_metadata", "-1", "-fflags", "+bitexact", "-flags:v", "+bitexact"]
     with nameless_file(path) as name, tempfile.TemporaryFile() as messages:
         command = [program, *common, *source, *plain, *_FORMATS[path.suffix.lower()], name]
-        process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=messages, start_new_session=True
-        )
+        process = start(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=messages)
         try:
             made = Encoder(process, messages, path)
             yield made

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import pickle
-import signal
 import sys
 from typing import Any
 
@@ -18,8 +17,6 @@ from sheetsplat.animation.sources import Source
 
 def main() -> None:
     """Draw frames until there are no more tasks."""
-    # Ctrl-C in a terminal reaches all processes; the one that started this one ends it.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     results = os.fdopen(os.dup(1), "wb")
     # What libraries print must not be taken for frames.
     os.dup2(2, 1)

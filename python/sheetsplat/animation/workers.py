@@ -7,11 +7,11 @@ import os
 import pickle
 import queue
 import subprocess
-import sys
 import threading
 from concurrent.futures import Future
 from typing import Any
 
+from sheetsplat._processes import require_files, start_module
 from sheetsplat.animation.drawing import Portion, Task
 from sheetsplat.animation.sources import Source
 from sheetsplat.errors import Error, complain
@@ -26,10 +26,10 @@ class Workers:
         self._jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
         self._processes: list[subprocess.Popen[bytes]] = []
         self._closed = False
-        command = [sys.executable, "-P", "-m", "sheetsplat.animation.worker"]
+        # Their pipes, and those with which each of them begins.
+        require_files(2 * count + 8, "processes that draw frames")
         for _ in range(count):
-            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-            self._processes.append(process)
+            self._processes.append(start_module("sheetsplat.animation.worker"))
         self._threads = [
             threading.Thread(target=self._serve, args=(process,), daemon=True) for process in self._processes
         ]

@@ -20,6 +20,7 @@ from sheetsplat.options.bricks import BrickOptions
 from sheetsplat.options.core import definitions
 from sheetsplat.options.data import OpenOptions
 from sheetsplat.options.film import MOST_WORKERS
+from sheetsplat.options.workers import WorkerOptions
 
 if TYPE_CHECKING:
     from sheetsplat.fields import BrickedField, BrickedKernels
@@ -61,7 +62,7 @@ _SCHEDULER = click.option(
 
 def brick_options(function: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options of pictures in bricks."""
-    decorated: Callable[..., Any] = apply([*options_of(BrickOptions), _WORKERS, _SCHEDULER])(function)
+    decorated: Callable[..., Any] = apply([*options_of(BrickOptions, WorkerOptions), _WORKERS, _SCHEDULER])(function)
     return decorated
 
 
@@ -190,7 +191,7 @@ def is_cut(options: Mapping[str, Any], *, by_workers: bool) -> bool:
 
 def without_bricks(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return the options of a command but for those that cut data, and those that say what draws them."""
-    names = (*definitions(BrickOptions), "workers", "scheduler")
+    names = (*definitions(BrickOptions), *definitions(WorkerOptions), "workers", "scheduler")
     return {name: value for name, value in options.items() if name not in names}
 
 
@@ -200,7 +201,10 @@ def in_bricks(options: Mapping[str, Any], *, by_workers: bool = True) -> Iterato
     if not is_cut(options, by_workers=by_workers):
         yield None
         return
+    from sheetsplat.bricks.workers import look_after
+
     cut = {name: options[name] for name in definitions(BrickOptions)}
     workers, scheduler = options["workers"], options["scheduler"]
     with started(workers) if workers is not None else connected(scheduler) as client:
+        look_after("open_bricks", client, options["worker_timeout"])
         yield Bricks(cut, client)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from sheetsplat._checks import (
     attribute,
+    check_progress,
     choice,
     color,
     image_size,
@@ -26,6 +27,8 @@ from sheetsplat._checks import (
     whole,
 )
 from sheetsplat._objects import kind_of_object
+from sheetsplat._waiting import asking
+from sheetsplat.bricks.workers import look_after
 from sheetsplat.camera import Camera
 from sheetsplat.errors import InvalidInput, complain, option_ref, option_refs, unusable
 from sheetsplat.fields import EllipsoidField, Field, RegularField, any_in_bricks
@@ -344,6 +347,7 @@ def prepare(data: Data | Dataset | BccVolume | Scene | Opened, **options: Unpack
     if renderer is None:
         renderer = Renderer(**pick(RendererOptions, options))
     client = cluster_of("render: client", picture["client"])
+    look_after("render", client, picture["worker_timeout"])
     return Prepared(scene, camera, size, renderer, outputs, picture["progress"], picture["depth_limit"], client)
 
 
@@ -372,4 +376,6 @@ def render(data: Data | Dataset | BccVolume | Scene, **options: Unpack[RenderOpt
     >>> image.size
     (40, 30)
     """
-    return prepare(data, **options).render()
+    check_progress("Renderer", options.get("progress"))
+    with asking(options.get("progress")):
+        return prepare(data, **options).render()

@@ -46,7 +46,7 @@ _EXTRAS = {
     "view": ("aiohttp",),
     "jupyter": ("anywidget", "traitlets"),
     "video": ("imageio_ffmpeg",),
-    "distributed": ("distributed",),
+    "distributed": ("distributed", "cryptography"),
 }
 _CONSTANTS = {"true": "True", "false": "False", "none": "None", "...": "..."}
 

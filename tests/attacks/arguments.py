@@ -76,7 +76,16 @@ class Calls:
             "open": (
                 ss.open,
                 {"path": folder / "v.npy"},
-                options(OpenBricksOptions, "brick", "levels", "brick_kernels", "scratch", "client"),
+                options(
+                    OpenBricksOptions,
+                    "brick",
+                    "levels",
+                    "brick_kernels",
+                    "scratch",
+                    "client",
+                    "worker_timeout",
+                    "progress",
+                ),
             ),
             "open_bricks": (ss.open_bricks, {"path_or_array": samples, "brick": 16}, options(OpenBricksOptions)),
             "turntable": (ss.turntable, {"data": samples, "frames": 2, **base}, options(TurntableOptions, "client")),
@@ -88,7 +97,7 @@ class Calls:
             "Animation.save": (
                 save_film,
                 {"path": folder / "film", "overwrite": True},
-                ["fps", "workers", "progress", "metadata"],
+                ["fps", "workers", "worker_timeout", "progress", "metadata"],
             ),
             "CameraPath": (ss.CameraPath, {"keys": [camera, camera]}, ["times", "closed"]),
             "Scene": (ss.Scene, {"field": field, "transfer_function": table}, options(SceneOptions)),

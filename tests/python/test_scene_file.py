@@ -34,7 +34,7 @@ def test_every_option_of_a_picture_is_in_one_section():
     assert len(names) == len(set(names))
     # Functions, objects that replace groups, clusters, arrays beside the picture and depths of one view are no part of
     # a scene.
-    others = {"outputs", "progress", "camera", "renderer", "depth_limit", "client"}
+    others = {"outputs", "progress", "camera", "renderer", "depth_limit", "client", "worker_timeout"}
     assert set(definitions(RenderOptions)) - set(names) == others
 
 

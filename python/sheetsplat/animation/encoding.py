@@ -9,9 +9,12 @@ import stat
 import subprocess
 import tempfile
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import IO
 
+from sheetsplat._processes import start
+from sheetsplat._waiting import call
 from sheetsplat.errors import Error, complain, missing_package
 from sheetsplat.io.pictures import whole_file
 
@@ -94,7 +97,7 @@ class Encoder:
         """Hand over a frame, red, green, blue, rows from the top."""
         assert self._process.stdin is not None
         try:
-            self._process.stdin.write(frame)
+            call(partial(self._process.stdin.write, frame))
         except OSError:
             raise self._failure() from None
 
@@ -103,7 +106,7 @@ class Encoder:
         assert self._process.stdin is not None
         with contextlib.suppress(OSError):
             self._process.stdin.close()
-        if self._process.wait() != 0:
+        if call(self._process.wait) != 0:
             raise self._failure()
 
     def _failure(self) -> Error:
@@ -124,9 +127,7 @@ def encoder(path: Path, size: tuple[int, int], fps: float) -> Iterator[Encoder]:
     plain = ["-an", "-map_metadata", "-1", "-fflags", "+bitexact", "-flags:v", "+bitexact"]
     with nameless_file(path) as name, tempfile.TemporaryFile() as messages:
         command = [program, *common, *source, *plain, *_FORMATS[path.suffix.lower()], name]
-        process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=messages, start_new_session=True
-        )
+        process = start(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=messages)
         try:
             made = Encoder(process, messages, path)
             yield made

@@ -9,13 +9,12 @@ import itertools
 import logging
 import os
 import tempfile
-import threading
 import time
 import uuid
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, overload
 
@@ -24,9 +23,10 @@ import numpy as np
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import check_progress, file_path, truth
 from sheetsplat._time_left import time_left
+from sheetsplat._waiting import ask, asking, call, note, wait
+from sheetsplat._waiting import begun as fetch
 from sheetsplat.animation.drawing import (
     Form,
-    Portion,
     Task,
     content_of,
     draw_by_worker,
@@ -43,23 +43,27 @@ from sheetsplat.bricks.cluster import frames_side_by_side
 from sheetsplat.bricks.needs import bricked_field
 from sheetsplat.bricks.picture import Begun
 from sheetsplat.bricks.picture import draw as draw_in_bricks
+from sheetsplat.bricks.watch import connected
+from sheetsplat.bricks.workers import look_after
+from sheetsplat.bricks.workers import workers_of as workers_known
 from sheetsplat.camera import Camera
-from sheetsplat.errors import Cancelled, Unsupported, complain, option_ref
+from sheetsplat.errors import Unsupported, complain
 from sheetsplat.fields import any_in_bricks
 from sheetsplat.image import Image
 from sheetsplat.io.pictures import check_folder, listed_suffixes, whole_file
 from sheetsplat.notices import warn
 from sheetsplat.options.film import client_of, rate_of, workers_of
 from sheetsplat.options.renderer import Progress
+from sheetsplat.options.workers import WORKER_TIMEOUT, timeout_of
 from sheetsplat.recipe import Recipe
 from sheetsplat.renderer import Renderer
 
 _log = logging.getLogger("sheetsplat")
 
+# Processes, a client in their place, and the seconds after which they are given up.
+_Drawing = tuple[int, Any, "float | None"]
 # How many tasks are ahead of the frame that is written, for each process.
 _AHEAD = 2
-# Seconds between two looks at whether the film is still wanted.
-_LOOK = 0.05
 
 
 @dataclass(frozen=True)
@@ -102,8 +106,8 @@ class Animation(Sequence[Image]):
         Draws the frames.
     fps
         Pictures a second.
-    workers, client
-        What draws the frames that are written, unless `save` is told.
+    workers, client, worker_timeout
+        What draws the frames that are written, unless `save` is told, and how long it may give no sign of life.
     """
 
     def __init__(
@@ -115,10 +119,12 @@ class Animation(Sequence[Image]):
         fps: float = 30.0,
         workers: int | None = None,
         client: Any = None,
+        worker_timeout: float | None = None,
     ) -> None:
         self._frames = tuple(frames)
         self._size, self._renderer, self._fps = size, renderer, rate_of("Animation: fps", fps)
         self._workers, self._client = workers_of("Animation: workers", workers), client_of("Animation: client", client)
+        self._timeout = None if worker_timeout is None else timeout_of("Animation: worker_timeout", worker_timeout)
         self._made: tuple[MemoryStep | None, OneScene | None] = (None, None)
         self._digests: dict[int, str] = {}
         self._page = ""
@@ -155,6 +161,7 @@ class Animation(Sequence[Image]):
         """Return a frame as a picture, or a part of the film."""
         if isinstance(index, slice):
             options: Any = {"fps": self._fps, "workers": self._workers, "client": self._client}
+            options["worker_timeout"] = self._timeout
             return Animation(self._frames[index], self._size, self._renderer, **options)
         return self._image(self._frames[index])
 
@@ -218,9 +225,11 @@ class Animation(Sequence[Image]):
         return Task(number, camera, self._size, settings, form, mark, metadata)
 
     def _drawn(
-        self, numbers: Sequence[int], form: Form, workers: int, client: Any, progress: Progress, *, metadata: bool
+        self, numbers: Sequence[int], form: Form, drawing: _Drawing, progress: Progress, *, metadata: bool
     ) -> Iterator[tuple[int, bytes]]:
         """Yield frames as bytes, in their order."""
+        workers, client, timeout = drawing
+        look_after("Animation", client, timeout)
         here = client is None and workers == 1 or any(isinstance(self._frames[n], PictureFrame) for n in numbers)
         settings = dict(self._renderer.settings)
         if not here and client is None and settings["threads"] is None:
@@ -237,12 +246,14 @@ class Animation(Sequence[Image]):
         if client is not None and any(_in_bricks(self._frames[n]) for n in numbers):
             # Workers that keep all of the data draw frames by themselves.
             alone = _alone(client, self._frames[numbers[0]])
-            by = self._drawn_there if alone else self._drawn_in_bricks
-            yield from by(numbers, task, client, progress)
+            if alone:
+                yield from self._drawn_there(numbers, task, client)
+            else:
+                yield from self._drawn_in_bricks(numbers, task, client, progress)
             return
-        pool = Workers(min(workers, len(numbers))) if client is None and numbers else None
+        pool = Workers(min(workers, len(numbers)), timeout or WORKER_TIMEOUT) if client is None and numbers else None
         try:
-            yield from self._drawn_there(numbers, task, client, progress, pool, workers)
+            yield from self._drawn_there(numbers, task, client, pool, workers)
         finally:
             if pool is not None:
                 pool.close()
@@ -257,7 +268,7 @@ class Animation(Sequence[Image]):
                 found = f"a picture of {image.size[0]} x {image.size[1]} pixels as frame {number}"
                 raise complain("the film cannot be written", found, f"{self._size[0]} x {self._size[1]}, as the first")
             yield number, content_of(image, task(number))
-            _tell(progress, (done + 1) / len(numbers))
+            _tell((done + 1) / len(numbers))
 
     def _drawn_in_bricks(
         self, numbers: Sequence[int], task: Callable[[int], Task], client: Any, progress: Progress
@@ -278,7 +289,7 @@ class Animation(Sequence[Image]):
                 finally:
                     begun.cancel()
                 yield number, content_of(image, task(number))
-                _tell(progress, (done + 1) / len(numbers))
+                _tell((done + 1) / len(numbers))
         finally:
             for _, begun in waiting:
                 begun.cancel()
@@ -288,7 +299,6 @@ class Animation(Sequence[Image]):
         numbers: Sequence[int],
         task: Callable[[int], Task],
         client: Any,
-        progress: Progress,
         pool: Workers | None = None,
         workers: int = 1,
     ) -> Iterator[tuple[int, bytes]]:
@@ -296,18 +306,29 @@ class Animation(Sequence[Image]):
         size = PortionSize(processes)
         waiting: deque[tuple[Sequence[int], Any]] = deque()
         submit = _submitter(client, pool)
+        look = _look_of(client, pool)
         begun = done = 0
+
+        def begin(portion: Sequence[int]) -> tuple[Sequence[int], Any]:
+            frame = self._frames[portion[0]]
+            assert isinstance(frame, SceneFrame)
+            return portion, submit(self._source(frame), tuple(map(task, portion)))
+
         try:
             while done < len(numbers):
                 while len(waiting) < _AHEAD * processes and begun < len(numbers):
                     portion = self._of_one_source(numbers[begun : begun + size.of(len(numbers) - begun)])
-                    frame = self._frames[portion[0]]
-                    assert isinstance(frame, SceneFrame)
-                    waiting.append((portion, submit(self._source(frame), tuple(map(task, portion)))))
+                    waiting.append(begin(portion))
                     begun += len(portion)
                 portion, future = waiting[0]
-                share = done / len(numbers)
-                drawn = _when_done(future, partial(_tell, progress, share))
+                with connected(client) if _is_dask(client) else nullcontext():
+                    # A worker may hang that has the frames already.
+                    fetched = fetch(future.result)
+                    wait(fetched, look)
+                if _is_lost(future):
+                    waiting = deque(begin(one) if _is_lost(other) else (one, other) for one, other in waiting)
+                    continue
+                drawn = fetched.result()
                 waiting.popleft()
                 size.learn(drawn.frames)
                 for number, one in zip(portion, drawn.drawn(), strict=True):
@@ -315,7 +336,7 @@ class Animation(Sequence[Image]):
                         warn(words)
                     yield number, one.content
                     done += 1
-                    _tell(progress, done / len(numbers))
+                    _tell(done / len(numbers))
         finally:
             for _, future in waiting:
                 future.cancel()
@@ -336,6 +357,7 @@ class Animation(Sequence[Image]):
         fps: float | None = None,
         workers: int | None = None,
         client: Any = None,
+        worker_timeout: float | None = None,
         progress: Progress | None = None,
         overwrite: bool = False,
         metadata: bool = True,
@@ -354,8 +376,8 @@ class Animation(Sequence[Image]):
             numbers of pixels of .mp4 and .webm are made even by a black edge.
         fps
             Pictures a second; the film's own unless given.
-        workers, client
-            What draws the frames, as for `turntable`.
+        workers, client, worker_timeout
+            What draws the frames, and how long it may give no sign of life, as for `turntable`.
         progress
             Called with the finished share, from 0 to 1; where it returns False, the film is cancelled.
         overwrite
@@ -385,27 +407,34 @@ class Animation(Sequence[Image]):
         chosen = self._client if client is None else client_of("Animation: client", client)
         # A number of processes wins over the client of the film.
         chosen = None if client is None and workers is not None else chosen
-        call: Progress = (lambda share: None) if progress is None else progress
+        timeout = self._timeout if worker_timeout is None else timeout_of("Animation: worker_timeout", worker_timeout)
+        drawing, told = (count, chosen, timeout), progress or (lambda share: None)
+        with asking(progress, "the film"):
+            self._save(target, rate, drawing, told, overwrite=overwrite, metadata=described)
+
+    def _save(
+        self, target: Path, fps: float, drawing: _Drawing, progress: Progress, *, overwrite: bool, metadata: bool
+    ) -> None:
         if target.suffix.lower() in SUFFIXES and not target.is_dir():
-            self._save_video(target, rate, count, chosen, call)
+            self._save_video(target, fps, drawing, progress)
         elif target.suffix == "" or target.is_dir():
             self._save_folder(
-                target, count, chosen, call, overwrite=truth("Animation: overwrite", overwrite), metadata=described
+                target, drawing, progress, overwrite=truth("Animation: overwrite", overwrite), metadata=metadata
             )
         else:
             wanted = f"{', '.join(SUFFIXES)}, or a folder"
             raise complain(f"{target} cannot be written", f"the suffix {target.suffix!r}", wanted)
 
-    def _save_video(self, path: Path, fps: float, workers: int, client: Any, progress: Progress) -> None:
+    def _save_video(self, path: Path, fps: float, drawing: _Drawing, progress: Progress) -> None:
         check_folder(path)
         find_ffmpeg(path)
         numbers = range(len(self))
         with encoder(path, self._size, fps) as film:
-            for _, frame in _counted(self._drawn(numbers, "rgb", workers, client, progress, metadata=False), len(self)):
+            for _, frame in _counted(self._drawn(numbers, "rgb", drawing, progress, metadata=False), len(self)):
                 film.write(frame)
 
     def _save_folder(
-        self, folder: Path, workers: int, client: Any, progress: Progress, *, overwrite: bool, metadata: bool
+        self, folder: Path, drawing: _Drawing, progress: Progress, *, overwrite: bool, metadata: bool
     ) -> None:
         make_folder(folder)
         with held(folder):
@@ -413,7 +442,7 @@ class Animation(Sequence[Image]):
                 folder, len(self), lambda number: self._mark(self._frames[number]), overwrite=overwrite
             )
             rest = [number for number in range(len(self)) if number not in there]
-            drawn = self._drawn(rest, "png", workers, client, progress, metadata=metadata)
+            drawn = self._drawn(rest, "png", drawing, progress, metadata=metadata)
             for number, content in _counted(drawn, len(rest)):
                 with whole_file(folder / name_of(number)) as made:
                     made.write_bytes(content)
@@ -460,28 +489,36 @@ def _submitter(client: Any, pool: Workers | None) -> Callable[[Source, tuple[Tas
     """Return what hands frames of one source over, and returns their future."""
     if pool is not None:
         return pool.submit
-    if not hasattr(client, "scatter"):
+    if not _is_dask(client):
         return lambda source, tasks: client.submit(draw_elsewhere, source, tasks)
-    run, counts = uuid.uuid4().hex, itertools.count()
+    run, counts, watch = uuid.uuid4().hex, itertools.count(), workers_known(client).watch
     scattered: list[tuple[Source, Any]] = []
 
     def submit(source: Source, tasks: tuple[Task, ...]) -> Any:
-        if not scattered or scattered[0][0] is not source:
+        if not scattered or scattered[0][0] is not source or _is_lost(scattered[0][1]):
             # By a name of its own: one by content may be that of another film, just being released.
-            scattered[:] = [(source, client.scatter(source, broadcast=True, hash=False))]
+            with connected(client):
+                sent = watch.call(lambda: client.scatter(source, broadcast=True, hash=False))
+            scattered[:] = [(source, sent)]
         return client.submit(draw_by_worker, scattered[0][1], tasks, key=f"render-frames-{run}-{next(counts)}")
 
     return submit
 
 
-def _when_done(future: Any, look: Callable[[], None]) -> Portion:
-    """Return a result, and look meanwhile."""
-    done = threading.Event()
-    future.add_done_callback(lambda _: done.set())
-    while not done.wait(_LOOK) and not future.done():
-        look()
-    portion: Portion = future.result()
-    return portion
+def _is_dask(client: Any) -> bool:
+    return hasattr(client, "scatter")
+
+
+def _is_lost(future: Any) -> bool:
+    """Return whether what a worker of dask had is gone with it, and Dask cannot make it again."""
+    return getattr(future, "status", "") in ("cancelled", "lost")
+
+
+def _look_of(client: Any, pool: Workers | None) -> Callable[[], None] | None:
+    """Return what looks after those that draw; None for an executor, which does so itself, or does not."""
+    if pool is not None:
+        return pool.look
+    return workers_known(client).watch.look if _is_dask(client) else None
 
 
 def _in_bricks(frame: Frame) -> bool:
@@ -498,13 +535,13 @@ def _counted(frames: Iterator[tuple[int, bytes]], count: int) -> Iterator[tuple[
         _log.info("%d of %d frames, %s", done, count, time_left(time.monotonic() - began, done / count))
 
 
-def _tell(progress: Progress, share: float) -> None:
-    if progress(share) is False:
-        raise complain("the film was given up", option_ref("progress") + " returned False", kind=Cancelled)
+def _tell(share: float) -> None:
+    note(share)
+    ask()
 
 
 def _parallel(client: Any) -> int:
     """Return how many frames a client draws at once, as far as it says."""
     if hasattr(client, "ncores"):
-        return max(1, int(sum(client.ncores().values())))
+        return max(1, int(sum(call(client.ncores).values())))
     return int(getattr(client, "_max_workers", 0) or cores())

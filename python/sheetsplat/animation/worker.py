@@ -1,5 +1,7 @@
 """A process that draws frames: it reads tasks from stdin and writes frames to stdout, as pickles, until stdin ends.
 
+In between it writes None, as a sign of life.
+
 Started by `sheetsplat.animation.workers`. Processes of `multiprocessing` would run the caller's script again, or share
 the threads and the OpenGL context of a fork.
 """
@@ -8,19 +10,43 @@ from __future__ import annotations
 
 import os
 import pickle
-import signal
 import sys
-from typing import Any
+import threading
+import time
+from typing import IO, Any
 
 from sheetsplat.animation.drawing import Portion, Task, draw_elsewhere
 from sheetsplat.animation.sources import Source
 
+# Seconds between two signs of life.
+_SIGN = 0.5
+
+
+class _Results:
+    """What the process that started this one reads, written by two threads."""
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        self._stream, self._lock = stream, threading.Lock()
+        threading.Thread(target=self._live, daemon=True).start()
+
+    def write(self, content: bytes) -> bool:
+        """Write a pickle; return whether anybody reads it."""
+        try:
+            with self._lock:
+                self._stream.write(content)
+                self._stream.flush()
+        except BrokenPipeError:
+            return False
+        return True
+
+    def _live(self) -> None:
+        while self.write(pickle.dumps(None)):
+            time.sleep(_SIGN)
+
 
 def main() -> None:
     """Draw frames until there are no more tasks."""
-    # Ctrl-C in a terminal reaches all processes; the one that started this one ends it.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    results = os.fdopen(os.dup(1), "wb")
+    results = _Results(os.fdopen(os.dup(1), "wb"))
     # What libraries print must not be taken for frames.
     os.dup2(2, 1)
     tasks = sys.stdin.buffer
@@ -40,10 +66,7 @@ def main() -> None:
             content = pickle.dumps(answer, 5)
         except Exception:
             content = pickle.dumps(RuntimeError(f"{type(answer).__name__}: {answer}"))
-        try:
-            results.write(content)
-            results.flush()
-        except BrokenPipeError:
+        if not results.write(content):
             return
 
 

@@ -10,7 +10,6 @@ bricks add is merged on the workers along the k-d tree, so that the bits of a pi
 from __future__ import annotations
 
 import itertools
-import threading
 import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
@@ -20,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetsplat._waiting import asking, begun, note, wait
 from sheetsplat.bricks.kernel_pieces import Pieces
 from sheetsplat.bricks.kernel_source import Columns, Segments, Store
 from sheetsplat.bricks.kernel_survey import KernelSurvey
@@ -60,15 +60,13 @@ from sheetsplat.bricks.tasks import (
     survey_piece,
 )
 from sheetsplat.bricks.view import BrickView
-from sheetsplat.bricks.workers import Workers, addresses, connected, memory_limit, paused_workers, workers_of
-from sheetsplat.errors import Cancelled, Error, OutOfMemory, complain, option_ref
+from sheetsplat.bricks.watch import Watch, connected
+from sheetsplat.bricks.workers import Workers, memory_limit, workers_of
+from sheetsplat.errors import Error, OutOfMemory, complain
 from sheetsplat.fields import BrickedField, BrickedKernels
 from sheetsplat.options.renderer import Progress
 
-# Seconds between two looks at how much is done.
-_LOOK = 0.05
-# Seconds between two looks at which workers there are, and how many may be lost in one picture.
-_WATCH = 0.5
+# How many workers may be lost in one picture.
 _MOST_LOST = 4
 # Seconds without a task that is done until it is looked for workers that dask has paused, and until these, which have
 # let go of all that they kept meanwhile, are given up.
@@ -93,9 +91,11 @@ def frames_side_by_side(client: Any, field: BrickedField | BrickedKernels) -> in
     Error
         Where there is no worker, or the scheduler is gone.
     """
-    workers_of(client).check()
+    cluster = workers_of(client)
+    cluster.check()
     with connected(client):
-        limits = [one or 0 for one in client.run(memory_limit).values()]
+        found = cluster.watch.call(lambda: client.run(memory_limit, on_error="ignore"))
+    limits = [one or 0 for one in found.values()]
     return len(limits) if limits and min(limits) * _ALL_OF_IT >= _kept_bytes(field) else 0
 
 
@@ -135,14 +135,11 @@ class Pending:
     def _begin(self) -> None:
         cluster = workers_of(self._client)
         cluster.check()
-        self._workers = set(cluster.workers)
+        self._watch, self._workers = cluster.watch, set(cluster.workers)
         with connected(self._client):
             self._tasks = list(self._submit(cluster).values())
             self._count = len(self._tasks)
-            done = threading.Event()
-            self._tasks[-1].add_done_callback(lambda _: done.set())
-        self._done, self._watched = done, time.monotonic()
-        self._stalled = _Stalled(self._client, self._what)
+        self._stalled = _Stalled(self._client, self._what, self._watch)
 
     def result(self, progress: Progress | None = None) -> Any:
         """Return the result; where `progress` returns False, or Ctrl-C is pressed, all tasks are cancelled.
@@ -155,37 +152,35 @@ class Pending:
             What the tasks raise, and where the scheduler or the workers are gone.
         """
         try:
-            while True:
-                with connected(self._client):
-                    while not self._tasks[-1].done() and self._all_there():
-                        self._stalled.look(self._let_go())
-                        self._tell(progress)
-                        self._done.wait(_LOOK)
-                    if self._tasks[-1].status in ("finished", "error"):
-                        found = self._convert(self._tasks[-1].result())
-                        break
-                self._again()
+            with asking(progress):
+                while True:
+                    with connected(self._client):
+                        last = self._tasks[-1]
+                        # A worker may hang that has the result already.
+                        fetched = begun(last.result)
+                        if wait(fetched, self._look) and last.status in ("finished", "error"):
+                            found = self._convert(fetched.result())
+                            break
+                    self._again()
             if progress is not None:
                 progress(1.0)
             return found
         finally:
             self.cancel()
 
-    def _all_there(self) -> bool:
-        """Return whether all workers that have tasks are there; looks now and then."""
-        if time.monotonic() - self._watched > _WATCH:
-            self._watched = time.monotonic()
-            gone = sorted(self._workers - addresses(self._client))
-            self._lost += gone
-            return not gone
-        return True
+    def _look(self) -> bool:
+        """Look after workers and tasks; return whether all workers that have tasks are there."""
+        self._watch.look()
+        self._stalled.look(self._let_go())
+        note(1.0 - len(self._tasks) / self._count)
+        return self._workers <= self._watch.there
 
     def _again(self) -> None:
         """Begin again with the workers that are left; what they keep is not read again."""
         with connected(self._client):
             # A worker that restarts has a new address. Without one that is gone, its data alone were lost.
-            gone = self._workers - addresses(self._client)
-            self._lost += sorted(gone - set(self._lost)) or ["unknown"] * (not gone)
+            gone = self._workers - self._watch.now()
+            self._lost += sorted(gone) or ["unknown"]
         if len(self._lost) > _MOST_LOST:
             raise complain(
                 f"{self._what} cannot be drawn",
@@ -212,12 +207,6 @@ class Pending:
         self._tasks = [*left, last]
         return len(left) < len(others)
 
-    def _tell(self, progress: Progress | None) -> None:
-        if progress is None:
-            return
-        if progress(1.0 - len(self._tasks) / self._count) is False:
-            raise complain("the picture was given up", option_ref("progress") + " returned False", kind=Cancelled)
-
     def cancel(self) -> None:
         """Give up what is not done; workers stop within a slice. What is done is forgotten."""
         # Client.cancel would fail for tasks between these, of which no future is kept.
@@ -230,8 +219,8 @@ class Pending:
 class _Stalled:
     """Looks after workers that dask has paused, as their memory is short: they would wait for ever."""
 
-    def __init__(self, client: Any, what: str) -> None:
-        self._client, self._what = client, what
+    def __init__(self, client: Any, what: str, watch: Watch) -> None:
+        self._client, self._what, self._watch = client, what, watch
         self._moved = self._looked = time.monotonic()
         self._relieved = False
 
@@ -249,9 +238,9 @@ class _Stalled:
         if now - max(self._moved, self._looked) < _STALLED:
             return
         self._looked = now
-        paused = self._client.run_on_scheduler(paused_workers)
+        paused = self._watch.paused
         if paused and not self._relieved:
-            self._client.run(let_go_of_all, workers=paused, on_error="ignore")
+            self._watch.call(lambda: self._client.run(let_go_of_all, workers=paused, on_error="ignore"))
             self._relieved = True
         elif paused and now - self._moved > _GIVEN_UP:
             raise complain(

@@ -9,7 +9,8 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from sheetsplat._checks import choice, is_off, truth, whole
+from sheetsplat._checks import check_progress, choice, is_off, truth, whole
+from sheetsplat._waiting import ask, asking, counted, note, part
 from sheetsplat.bricks.kernel_pieces import KERNELS, READING, pieces_of
 from sheetsplat.bricks.lattice import PREFILTER_MARGIN, LatticeSpec
 from sheetsplat.bricks.levels import LevelStore, coarsen_brick, most_levels
@@ -19,6 +20,7 @@ from sheetsplat.bricks.partition import Partition, partition_lattice
 from sheetsplat.bricks.prober import BrickProber
 from sheetsplat.bricks.sources import BrickSource, open_source
 from sheetsplat.bricks.statistics import Survey, SurveyPlan, first_sample, merge_surveys, survey_of
+from sheetsplat.bricks.workers import look_after
 from sheetsplat.errors import complain, option_ref, option_refs, unusable
 from sheetsplat.fields import BrickedField, BrickedKernels
 from sheetsplat.fields.regular import narrowest
@@ -32,10 +34,12 @@ from sheetsplat.quality.choose import Choice
 
 _log = logging.getLogger("sheetsplat")
 
+# Of all that is done, what the first reading is: a second one sorts kernels, or makes levels.
+_SURVEY = 0.5
 # Samples around a brick that most pictures need: the reach of kernels, and two slices.
 _AROUND = 6
 _SAMPLES = ("shape", "dtype", "offset", "name", "scalar", "step")
-_OWN = ("brick", "levels", "brick_kernels", "scratch", "client")
+_OWN = ("brick", "levels", "brick_kernels", "scratch", "client", "worker_timeout", "progress")
 # Options of scattered data, and one that needs all samples at once.
 _REFUSED = ("grid", "particles", "support", "fit", "neighbors", "min_scale", "resample")
 
@@ -68,8 +72,10 @@ def open_bricks(path_or_array: Any, **options: Unpack[OpenBricksOptions]) -> Bri
         For formats of which no part can be read, and for workers with another version of this package.
     OutOfMemory
         Where a brick does not fit.
+    Cancelled
+        Where `progress` returned False.
     Error
-        Where the file cannot be read.
+        Where the file cannot be read, and where no worker lives.
 
     Examples
     --------
@@ -79,6 +85,15 @@ def open_bricks(path_or_array: Any, **options: Unpack[OpenBricksOptions]) -> Bri
     (40, 30)
     """
     check_names("open_bricks", options, OpenBricksOptions)
+    check_progress("open_bricks", options.get("progress"))
+    with asking(options.get("progress"), "the opening"):
+        made = _opened(path_or_array, options)
+        note(1.0)
+        ask()
+    return made
+
+
+def _opened(path_or_array: Any, options: OpenBricksOptions) -> BrickedField | BrickedKernels:
     given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     brick = edge_of("open_bricks: brick", given.pop("brick", definitions(OpenBricksOptions)["brick"].default))
     most = kernels_of(
@@ -88,6 +103,8 @@ def open_bricks(path_or_array: Any, **options: Unpack[OpenBricksOptions]) -> Bri
     levels = levels_of("open_bricks: levels", given.pop("levels", definitions(OpenBricksOptions)["levels"].default))
     scratch = folder_of("open_bricks: scratch", given.pop("scratch", None))
     client = cluster_of("open_bricks: client", given.pop("client", None))
+    look_after("open_bricks", client, given.pop("worker_timeout", None))
+    given.pop("progress", None)
     switched = ("log", "offset", "resample")
     given = {name: value for name, value in given.items() if name not in switched or not is_off(value)}
     pieces = pieces_of(path_or_array, given, client)
@@ -144,13 +161,14 @@ def _with_levels(source: BrickSource, cut: _Cut, partition: Partition, client: A
             option="levels",
         )
     store = LevelStore.new(cut.scratch, cut.brick)
-    if client is None:
-        for number in range(len(partition)):
-            coarsen_brick(source, partition, number, store, cut.levels)
-    else:
-        from sheetsplat.bricks.cluster import coarsen
+    with part(_SURVEY, 1.0):
+        if client is None:
+            for number in counted(len(partition)):
+                coarsen_brick(source, partition, number, store, cut.levels)
+        else:
+            from sheetsplat.bricks.cluster import coarsen
 
-        coarsen(client, source, partition, store, cut.levels)
+            coarsen(client, source, partition, store, cut.levels)
     return source.replace(coarser=coarse_levels(source, store, cut.levels))
 
 
@@ -173,12 +191,13 @@ def _field(source: BrickSource, cut: _Cut, client: Any, given: Mapping[str, Any]
     filtered = truth("open_bricks: prefilter", filtered)
     around = _AROUND + (PREFILTER_MARGIN if filtered else 0)
     plan = SurveyPlan.of(source.shape, lattice, around, first_sample(source))
-    if client is None:
-        found = merge_surveys([survey_of(source, partition, number, plan) for number in range(len(partition))])
-    else:
-        from sheetsplat.bricks.cluster import survey
+    with part(0.0, _SURVEY if cut.levels else 1.0):
+        if client is None:
+            found = merge_surveys([survey_of(source, partition, one, plan) for one in counted(len(partition))])
+        else:
+            from sheetsplat.bricks.cluster import survey
 
-        found = survey(client, source, partition, plan)
+            found = survey(client, source, partition, plan)
     cores = [one.samples for one in partition.bricks if one.samples is not None]
     known = Survey.of(source, found, cores, plan)
     if known.missing and given.get("nan", "error") == "error":

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sheetsplat._waiting import counted, part
 from sheetsplat.bricks.kernel_pieces import FieldPieces, Pieces
 from sheetsplat.bricks.kernel_source import FileStore, KernelSource, MemoryStore, Segments, Store
 from sheetsplat.bricks.kernel_survey import (
@@ -60,15 +61,18 @@ def open_kernels(
         # They are here already, and are sent to workers once.
         client = None
     stride = stride_of(sum(pieces.counts))
-    if client is None:
-        found = merge_kernel_surveys([survey_of(pieces, n, stride) for n in range(len(pieces.counts))], pieces.name)
-    else:
-        from sheetsplat.bricks.cluster import survey_kernels
+    with part(0.0, 0.5):
+        if client is None:
+            counts = len(pieces.counts)
+            found = merge_kernel_surveys([survey_of(pieces, n, stride) for n in counted(counts)], pieces.name)
+        else:
+            from sheetsplat.bricks.cluster import survey_kernels
 
-        found = survey_kernels(client, pieces, stride)
+            found = survey_kernels(client, pieces, stride)
     sample = sample_of(found, stride)
     partition = partition_points(found.sample[:, :3], math.ceil(found.count / most))
-    segments, store = _sorted(pieces, found, partition, scratch, client)
+    with part(0.5, 1.0):
+        segments, store = _sorted(pieces, found, partition, scratch, client)
     facts = KernelFacts(
         found.count,
         stride,
@@ -96,7 +100,7 @@ def _sorted(
     rows = min(max(found.count // _SEGMENTS, _LEAST_ROWS), _MOST_ROWS)
     store: Store = MemoryStore() if isinstance(pieces, FieldPieces) else FileStore.new(scratch)
     if client is None:
-        every = range(len(pieces.counts))
+        every = counted(len(pieces.counts))
         parts = [sorted_piece(pieces, number, found.columns, partition, rows, store) for number in every]
         return Segments.joined(parts), store
     from sheetsplat.bricks.cluster import sort_kernels

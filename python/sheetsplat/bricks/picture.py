@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat._sheetsplat import LightVolumes
+from sheetsplat._waiting import asking
 from sheetsplat.bricks.draw import render_bricks, renderer_of
 from sheetsplat.bricks.error import Draw, estimate_error
 from sheetsplat.bricks.light import light_key, light_of, planned_light
@@ -70,10 +71,19 @@ class Begun:
         view = view_of(field, scene, camera, size, outputs, depth_limit, settings)
         self._view, self._plan = planned(scene, view)
         self._pending = begin(client, field, self._view)
-        self._draw: Draw = lambda other, progress: begin(client, field, other).result(progress)[0]
-        self._measure: Measure = lambda opacity, progress: begin_measure(client, field, self._view, opacity).result(
-            progress
-        )
+
+        def drawn(other: BrickView, progress: Progress | None) -> Finished:
+            with asking(progress):
+                found: Finished = begin(client, field, other).result(progress)[0]
+            return found
+
+        def measured(opacity: NDArray[np.float32], progress: Progress | None) -> tuple[float, float]:
+            with asking(progress):
+                found: tuple[float, float] = begin_measure(client, field, self._view, opacity).result(progress)
+            return found
+
+        self._draw: Draw = drawn
+        self._measure: Measure = measured
 
     def result(self, progress: Progress | None = None) -> Image:
         """Return the picture; raises what reading and drawing a brick raises."""
@@ -119,7 +129,8 @@ def draw(
     """
     limit = checked_depths(depth_limit, camera, size)
     if client is not None:
-        image = Begun(client, settings, scene, camera, size, tuple(outputs), limit).result(progress)
+        with asking(progress):
+            image = Begun(client, settings, scene, camera, size, tuple(outputs), limit).result(progress)
     else:
         began = time.perf_counter()
         field = bricked_field(scene)

@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
+import time
 import uuid
 import weakref
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
 from sheetsplat._sheetsplat import __version__
-from sheetsplat.errors import Error, Unsupported, complain, missing_package
+from sheetsplat._waiting import ask
+from sheetsplat.bricks.watch import Watch, connected
+from sheetsplat.errors import Error, Unsupported, complain
+from sheetsplat.options.workers import timeout_of
 
-# Seconds that a client waits for the first worker.
-_PATIENCE = 10.0
+# Seconds that a client waits for the first worker, and between two looks whether it is there.
+_PATIENCE, _LOOK = 10.0, 0.05
 # Sources that hold more than this are sent to the workers once.
 _LARGE = 1 << 20
-
-
-def addresses(client: Any) -> set[str]:
-    """Return the addresses of all workers; OSError where the scheduler is gone."""
-    if client.status != "running":
-        raise OSError(client.status)
-    # Not `scheduler_info`, which a thread of the client fills anew every other second, without workers.
-    return set(client.nthreads())
 
 
 @dataclass(eq=False)
@@ -50,6 +44,7 @@ class Workers:
 
     def __init__(self, client: Any) -> None:
         self._client = weakref.ref(client)
+        self.watch = Watch(client)
         self._checked: set[str] = set()
         # Dask's processes count by spans as long as they live, and each picture would be a new one.
         self.span = {"name": ("sheetsplat",), "ids": (uuid.uuid4().hex,)}
@@ -63,12 +58,8 @@ class Workers:
         client = self._client()
         assert client is not None
         with connected(client):
-            known = addresses(client)
-            if not known:
-                client.wait_for_workers(1, timeout=_PATIENCE)
-                known = addresses(client)
-            new = sorted(known - self._checked)
-            found = client.run(_version, workers=new, on_error="return") if new else {}
+            known = set(self.watch.now() or self._first())
+            found = self.watch.call(self._versions)
         for address, version in sorted(found.items()):
             if isinstance(version, OSError):
                 # It ended meanwhile.
@@ -86,6 +77,22 @@ class Workers:
             raise complain("a picture cannot be drawn", "no worker that answers", "workers that live", kind=Error)
         self._checked |= known
         self.workers = sorted(known)
+
+    def _first(self) -> frozenset[str]:
+        """Return the workers that there are as soon as there is any; TimeoutError where there is none for too long."""
+        ends = time.monotonic() + _PATIENCE
+        while not self.watch.now():
+            if time.monotonic() > ends:
+                raise TimeoutError
+            ask()
+            time.sleep(_LOOK)
+        return self.watch.there
+
+    def _versions(self) -> dict[str, Any]:
+        new = sorted(self.watch.there - self._checked)
+        client: Any = self._client()
+        found: dict[str, Any] = client.run(_version, workers=new, on_error="return") if new else {}
+        return found
 
     def held(self, source: Any) -> _Held:
         """Return what workers have of the data of a source; it is let go with the last source that shows them."""
@@ -135,7 +142,7 @@ class Workers:
             return source
         sent, key = self.held(source).sent, repr(source)
         if key not in sent or sent[key].status != "finished":
-            sent[key] = client.scatter(source, hash=False)
+            sent[key] = self.watch.call(lambda: client.scatter(source, hash=False))
         return sent[key]
 
 
@@ -160,49 +167,21 @@ def workers_of(client: Any) -> Workers:
     return found[1]
 
 
+def look_after(owner: str, client: Any, timeout: Any) -> None:
+    """Set the seconds after which workers of a client are given up, where there are both; InvalidInput for others."""
+    if timeout is not None:
+        seconds = timeout_of(f"{owner}: worker_timeout", timeout)
+        if client is not None:
+            workers_of(client).watch.timeout = seconds
+
+
 def memory_limit(dask_worker: Any) -> int | None:
     """Return the memory that a worker may take; None: any. `Client.run` gives the worker by this name."""
     limit: int | None = dask_worker.memory_manager.memory_limit
     return limit
 
 
-def paused_workers(dask_scheduler: Any) -> list[str]:
-    """Return the workers that begin no task. `Client.run_on_scheduler` gives the scheduler by this name."""
-    return [address for address, one in dask_scheduler.workers.items() if one.status.name == "paused"]
-
-
 def _version() -> str:
     from sheetsplat._sheetsplat import __version__
 
     return str(__version__)
-
-
-@contextmanager
-def connected(client: Any) -> Iterator[None]:
-    """Turn errors of the cluster into errors of this package."""
-    try:
-        import distributed
-    except ImportError as error:
-        raise missing_package("a cluster cannot be used", error) from error
-    try:
-        yield
-    except Error:
-        raise
-    except distributed.KilledWorker as error:
-        number = str(error.task).rsplit("-", 1)[-1]
-        raise complain(
-            f"brick {number} cannot be drawn",
-            f"workers that ended while they drew it, the last at {error.last_worker.address}",
-            "workers that live",
-            "give workers more memory, or use smaller bricks",
-            kind=Error,
-        ) from None
-    except (OSError, distributed.CancelledError) as error:
-        found = f"a connection that was lost ({client.status})"
-        # It is an OSError too.
-        if isinstance(error, TimeoutError) and client.status in ("running", "connecting"):
-            found = "no worker that answers"
-        address = getattr(getattr(client, "scheduler", None), "address", "")
-        raise complain(
-            f"the scheduler {address} cannot be used", found, "a scheduler that runs, with workers", kind=Error
-        ) from error

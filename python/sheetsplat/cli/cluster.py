@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import signal
-import threading
+import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,12 +13,14 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from sheetsplat._processes import deaf_children, require_files, safe_path
 from sheetsplat.cli.help import GroupedOption
 from sheetsplat.cli.options import apply, options_of
 from sheetsplat.options.bricks import BrickOptions
 from sheetsplat.options.core import definitions
 from sheetsplat.options.data import OpenOptions
 from sheetsplat.options.film import MOST_WORKERS
+from sheetsplat.options.workers import WorkerOptions
 
 if TYPE_CHECKING:
     from sheetsplat.fields import BrickedField, BrickedKernels
@@ -36,12 +37,20 @@ _WORKERS = click.option(
 # Of dask, for processes of one command. A worker that ended may take long to come back: a busy machine takes longer
 # than the 15 s after which a LocalCluster gives it up for good. Nobody sees what the processes say many times a second
 # of their threads, of their loops and of the machine.
+# The web servers of scheduler and workers answer everybody: they have no pages, and are closed as they begin.
+_PRELOAD = ["sheetsplat.cli.cluster_process"]
 _SETTINGS = {
     "distributed.deploy.lost-worker-timeout": "600s",
     "distributed.worker.profile.enabled": False,
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
+    "distributed.scheduler.http.routes": [],
+    "distributed.scheduler.preload": _PRELOAD,
+    "distributed.worker.http.routes": [],
+    "distributed.worker.preload": _PRELOAD,
 }
+# Open files of this process, the scheduler: its own, and those for each worker (pipes, connections, a lock).
+_FILES, _FILES_EACH = 24, 11
 _SCHEDULER = click.option(
     "--scheduler",
     cls=GroupedOption,
@@ -53,7 +62,7 @@ _SCHEDULER = click.option(
 
 def brick_options(function: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options of pictures in bricks."""
-    decorated: Callable[..., Any] = apply([*options_of(BrickOptions), _WORKERS, _SCHEDULER])(function)
+    decorated: Callable[..., Any] = apply([*options_of(BrickOptions, WorkerOptions), _WORKERS, _SCHEDULER])(function)
     return decorated
 
 
@@ -72,9 +81,14 @@ def connected(address: str | None) -> Iterator[Any]:
     try:
         connect: Any = Client
         client = connect(address, timeout=10)
-    except (OSError, ValueError, TimeoutError) as error:
+    except (OSError, ValueError, TypeError, TimeoutError) as error:
+        # TypeError: an address tls:// without keys.
         raise complain(
-            f"the scheduler {address} cannot be used", str(error), "a running scheduler", kind=Error
+            f"the scheduler {address} cannot be used",
+            str(error),
+            "a running scheduler",
+            "of tls:// addresses, Dask's configuration names the keys" if address.startswith("tls:") else "",
+            kind=Error,
         ) from None
     try:
         yield client
@@ -83,48 +97,49 @@ def connected(address: str | None) -> Iterator[Any]:
 
 
 @contextlib.contextmanager
-def _deaf_children() -> Iterator[None]:
-    """Let processes that begin here ignore Ctrl-C, which a terminal sends to all: this one ends them."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-@contextlib.contextmanager
 def started(count: int) -> Iterator[Any]:
-    """Yield a client of so many processes, one thread each, that share the memory of this machine."""
+    """Yield a client of so many processes, one thread each, that share the memory of this machine.
+
+    Only who has the keys, which are made anew and are nowhere but in these processes, can connect to them.
+    """
     from sheetsplat import _memory
     from sheetsplat.errors import Error, complain, missing_package
 
     try:
+        import cryptography  # noqa: F401 - makes the keys
         import dask.config
         from distributed import Client, LocalCluster
     except ImportError as error:
         raise missing_package("processes that draw bricks cannot be started", error) from error
-    try:
-        start: Any = LocalCluster
-        connect: Any = Client
-        with dask.config.set(_SETTINGS), _deaf_children():
-            cluster = start(
-                n_workers=count,
-                threads_per_worker=1,
-                processes=True,
-                memory_limit=_memory.available() // (count + 1),
-                # Any free port of this machine: distributed warns where the usual one is taken, dashboard or not.
-                dashboard_address="127.0.0.1:0",
-                scheduler_kwargs={"dashboard": False},
-                # What processes say of a brick that cannot be read comes as the error of the command.
-                silence_logs=logging.ERROR if _log.isEnabledFor(logging.INFO) else logging.CRITICAL,
-            )
-    except (OSError, RuntimeError, TimeoutError) as error:
-        raise complain("processes that draw bricks cannot be started", str(error), f"{count}", kind=Error) from error
-    with dask.config.set(_SETTINGS), cluster, connect(cluster) as client:
-        yield client
+    require_files(_FILES + _FILES_EACH * count, "processes that draw bricks")
+    start: Any = LocalCluster
+    connect: Any = Client
+    with contextlib.ExitStack() as ends:
+        ends.enter_context(dask.config.set(_SETTINGS))
+        ends.enter_context(safe_path())
+        try:
+            with deaf_children():
+                # What a worker has no memory for it reads again as pickles: a folder that nobody else can change.
+                folder = ends.enter_context(tempfile.TemporaryDirectory(prefix="sheetsplat-"))
+                cluster = start(
+                    n_workers=count,
+                    threads_per_worker=1,
+                    processes=True,
+                    security=True,
+                    local_directory=folder,
+                    memory_limit=_memory.available() // (count + 1),
+                    # Any free port of this machine: distributed warns where the usual one is taken, dashboard or not.
+                    dashboard_address="127.0.0.1:0",
+                    scheduler_kwargs={"dashboard": False},
+                    # What processes say of a brick that cannot be read comes as the error of the command.
+                    silence_logs=logging.ERROR if _log.isEnabledFor(logging.INFO) else logging.CRITICAL,
+                )
+        except (OSError, RuntimeError, TimeoutError) as error:
+            raise complain(
+                "processes that draw bricks cannot be started", str(error), f"{count}", kind=Error
+            ) from error
+        ends.enter_context(cluster)
+        yield ends.enter_context(connect(cluster))
 
 
 @dataclass(frozen=True)
@@ -176,7 +191,7 @@ def is_cut(options: Mapping[str, Any], *, by_workers: bool) -> bool:
 
 def without_bricks(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return the options of a command but for those that cut data, and those that say what draws them."""
-    names = (*definitions(BrickOptions), "workers", "scheduler")
+    names = (*definitions(BrickOptions), *definitions(WorkerOptions), "workers", "scheduler")
     return {name: value for name, value in options.items() if name not in names}
 
 
@@ -186,7 +201,10 @@ def in_bricks(options: Mapping[str, Any], *, by_workers: bool = True) -> Iterato
     if not is_cut(options, by_workers=by_workers):
         yield None
         return
+    from sheetsplat.bricks.workers import look_after
+
     cut = {name: options[name] for name in definitions(BrickOptions)}
     workers, scheduler = options["workers"], options["scheduler"]
     with started(workers) if workers is not None else connected(scheduler) as client:
+        look_after("open_bricks", client, options["worker_timeout"])
         yield Bricks(cut, client)

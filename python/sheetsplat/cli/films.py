@@ -78,7 +78,10 @@ class Film:
                 drawing = contextlib.nullcontext(bricks.client)
             workers = options["workers"] if bricks is None else None
             with drawing as client, progress_bar(self.files[0].name, quiet=quiet) as progress:
-                made.save(output, workers=workers, client=client, progress=progress, overwrite=overwrite)
+                made.save(
+                    output, workers=workers, client=client, worker_timeout=options["worker_timeout"],
+                    progress=progress, overwrite=overwrite,
+                )  # fmt: skip
         seconds = time.perf_counter() - began
         width, height = made.size
         if as_json:

@@ -8,7 +8,9 @@ from sheetsplat.errors import complain, unusable
 from sheetsplat.options.core import CommandLine, Option
 from sheetsplat.options.data import FileOptions, KernelOptions, PlacementOptions
 from sheetsplat.options.quality import QualityOptions
+from sheetsplat.options.renderer import Progress
 from sheetsplat.options.values import Special, Whole
+from sheetsplat.options.workers import WorkerOptions
 
 #: Edges of bricks, in samples. Smaller ones would be all border, larger ones more than a worker holds.
 LEAST_EDGE, LARGEST_EDGE = 4, 2048
@@ -61,7 +63,7 @@ def cluster_of(what: str, value: Any) -> Any:
     return value
 
 
-class ClusterOptions(TypedDict, total=False):
+class ClusterOptions(WorkerOptions, total=False):
     """What draws a volume in bricks."""
 
     client: Annotated[
@@ -126,3 +128,12 @@ class OpenBricksOptions(
     BrickOptions, ClusterOptions, PlacementOptions, KernelOptions, FileOptions, QualityOptions, total=False
 ):
     """Every keyword argument of `sheetsplat.open_bricks`."""
+
+    progress: Annotated[
+        Progress | None,
+        Option(
+            "Called with the finished share, from 0 to 1; where it returns False, the opening stops.",
+            accepts="function",
+            cli=(),
+        ),
+    ]

@@ -11,6 +11,7 @@ from sheetsplat.options.data import OpenOptions
 from sheetsplat.options.picture import LookOptions, SizeOptions
 from sheetsplat.options.renderer import RendererOptions
 from sheetsplat.options.values import Real, Special, Whole
+from sheetsplat.options.workers import WorkerOptions
 from sheetsplat.renderer import Renderer
 
 #: More pictures than this are no film.
@@ -53,7 +54,7 @@ def client_of(what: str, value: Any) -> Any:
     return value
 
 
-class FilmOptions(TypedDict, total=False):
+class FilmOptions(WorkerOptions, total=False):
     """How frames are drawn and written."""
 
     fps: Annotated[

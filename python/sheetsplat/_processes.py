@@ -1,0 +1,82 @@
+"""Processes that the package starts: all of them are started by what is here.
+
+They take no code from the current folder, where a file beside the data may have the name of a module of Python, and
+Ctrl-C, which a terminal sends to all of its processes, is for the one that started them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import resource
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from sheetsplat.errors import Error, complain
+
+_SAFE_PATH = "PYTHONSAFEPATH"
+
+
+def require_files(count: int, what: str) -> None:
+    """Let this process, and those that it starts, have so many more files open.
+
+    Raises
+    ------
+    Error
+        Where the system does not allow them; `what` needs them.
+    """
+    count += len(os.listdir("/proc/self/fd"))
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft == resource.RLIM_INFINITY or count <= soft:
+        return
+    if hard != resource.RLIM_INFINITY and count > hard:
+        found, wanted = f"a limit of {hard} open files (ulimit -n)", f"at least {count}"
+        raise complain(f"{what} cannot be started", found, wanted, "use fewer workers, or a higher limit", kind=Error)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (count, hard))
+
+
+def start(command: Sequence[str], **streams: Any) -> subprocess.Popen[bytes]:
+    """Start a program; `streams`: what `subprocess.Popen` takes. OSError where it cannot be started."""
+    return subprocess.Popen(command, env={**os.environ, _SAFE_PATH: "1"}, start_new_session=True, **streams)
+
+
+def start_module(name: str) -> subprocess.Popen[bytes]:
+    """Start a module of the package as a program, with pipes as stdin and stdout; OSError where that fails."""
+    return start([sys.executable, "-P", "-m", name], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+
+
+@contextlib.contextmanager
+def safe_path() -> Iterator[None]:
+    """Let processes that multiprocessing starts meanwhile, here or in a library, take no code from where they are."""
+    before = os.environ.get(_SAFE_PATH)
+    os.environ[_SAFE_PATH] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            os.environ.pop(_SAFE_PATH, None)
+        else:
+            os.environ[_SAFE_PATH] = before
+
+
+@contextlib.contextmanager
+def deaf_children() -> Iterator[None]:
+    """Let processes that begin meanwhile ignore Ctrl-C, where this is the main thread."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def ignore_interrupts() -> None:
+    """Ignore Ctrl-C, where this is the main thread of a process that another one ends."""
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)

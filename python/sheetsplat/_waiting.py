@@ -1,0 +1,117 @@
+"""Waits for other threads and processes: each of them asks meanwhile whether its result is still wanted.
+
+What is asked is the callback `progress` of the caller, wherever its thread waits, with the share that it was told last.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from sheetsplat.errors import Cancelled, complain, option_ref
+from sheetsplat.options.renderer import Progress
+
+Result = TypeVar("Result")
+# Seconds between two questions.
+_LOOK = 0.05
+
+
+@dataclass
+class _Asked:
+    progress: Progress
+    what: str
+    share: float = 0.0
+
+
+_asked: ContextVar[_Asked | None] = ContextVar("asked", default=None)
+
+
+@contextmanager
+def asking(progress: Progress | None, what: str = "the picture") -> Iterator[None]:
+    """Let waits of this thread ask a callback; None: whom they ask already. `what` is what it gives up."""
+    if progress is None:
+        yield
+        return
+    token = _asked.set(_Asked(progress, what))
+    try:
+        yield
+    finally:
+        _asked.reset(token)
+
+
+def note(share: float) -> None:
+    """Set the finished share that the callback is told next."""
+    asked = _asked.get()
+    if asked is not None:
+        asked.share = share
+
+
+def ask() -> None:
+    """Ask the callback; Cancelled where it returns False."""
+    asked = _asked.get()
+    if asked is not None and asked.progress(asked.share) is False:
+        raise complain(f"{asked.what} was given up", option_ref("progress") + " returned False", kind=Cancelled)
+
+
+@contextmanager
+def part(start: float, end: float) -> Iterator[None]:
+    """Let shares that are told meanwhile be those of a part of the whole."""
+    asked = _asked.get()
+    if asked is None:
+        yield
+        return
+    progress = asked.progress
+    with asking(lambda share: progress(start + (end - start) * share), asked.what):
+        yield
+    note(end)
+
+
+def counted(count: int) -> Iterator[int]:
+    """Yield the numbers below `count`, and ask before each."""
+    for number in range(count):
+        note(number / count)
+        ask()
+        yield number
+
+
+def wait(future: Any, look: Callable[[], object] | None = None) -> bool:
+    """Wait for a future, and return whether it is done: not where `look`, called now and then, returns False.
+
+    Raises
+    ------
+    Cancelled
+        Where the callback returned False.
+    """
+    done = threading.Event()
+    future.add_done_callback(lambda _: done.set())
+    while not (done.wait(_LOOK) or future.done()):
+        if look is not None and look() is False:
+            return bool(future.done())
+        ask()
+    return True
+
+
+def begun(function: Callable[[], Result]) -> Future[Result]:
+    """Return the future result of a function that may wait for ever: a thread of its own, which no exit waits for."""
+    future: Future[Result] = Future()
+
+    def run() -> None:
+        try:
+            future.set_result(function())
+        except BaseException as error:
+            future.set_exception(error)
+
+    threading.Thread(target=run, daemon=True).start()
+    return future
+
+
+def call(function: Callable[[], Result]) -> Result:
+    """Return what a function returns that waits for others; raises what it raises, and what `wait` does."""
+    future = begun(function)
+    wait(future)
+    return future.result()

@@ -13,10 +13,12 @@ from sheetsplat import _memory
 from sheetsplat._checks import shown, truth
 from sheetsplat.errors import complain, option_ref, unusable
 
+from ._apart import Arrays, computed_apart
 from ._cells import Neighbourhoods, cell_blocks, grid_cells
 from ._cover import Cover
 from ._kernels import Floats, Kernels, Numbers, quaternions
-from ._points import Merged, merge, numbers, places, positive, require_volume, scalars, scaled, shown_place
+from ._points import merge, numbers, places, positive, require_volume, scalars, scaled, shown_place, thickness
+from ._sheets import edges_along, flat_parts, triangles_of
 
 _log = logging.getLogger("sheetsplat")
 _WHAT = "fit.delaunay"
@@ -27,6 +29,13 @@ _RANDOM = 0.745
 # Largest circumradius of tetrahedra on the hull, relative to what is usual at their corners.
 _TRIM = 3.5
 _FEWEST = 5
+# Tetrahedra of a point on average beyond which points lie along curves: random points have 7.
+_MOST_CELLS = 64
+# Least radius across curves, in distances of points from their middle (medians).
+_THINNEST = 1.0 / 32.0
+# Points and cells that take about a second; more are computed in a process of their own.
+_SHORT_POINTS = 8_000
+_SHORT_CELLS = 100_000
 # Measured memory of Qhull, the edges and the moments, bytes per point.
 _BYTES = 4000
 _CHUNK = 1 << 18
@@ -36,16 +45,11 @@ def _tetrahedra(points: Floats) -> tuple[Numbers, Numbers, Numbers]:
     """Return the tetrahedra, their neighbours, and pairs of a point that Qhull left out and the nearest vertex."""
     from scipy.spatial import Delaunay, QhullError  # type: ignore[import-untyped]
 
+    none = np.empty((0, 4), dtype=np.int64)
     try:
         found = Delaunay(points)
-    except QhullError as error:
-        lines = str(error).strip().splitlines()
-        raise complain(
-            f"{_WHAT}: the points cannot be joined",
-            lines[0] if lines else "an error of Qhull",
-            "points that fill a volume",
-            "pass the mesh's own cells or shape, or use the nearest neighbours, " + option_ref("fit", "nearest"),
-        ) from None
+    except QhullError:
+        return none, none, none[:, :2]
     simplices, neighbors, coplanar = (
         array.astype(np.int64) for array in (found.simplices, found.neighbors, found.coplanar[:, [0, 2]])
     )
@@ -116,6 +120,31 @@ def _moments(points: Floats, around: Neighbourhoods) -> tuple[Floats, Floats]:
             spread[some] = sizes
             axes[some] = turned.transpose(0, 2, 1)
     return axes, spread
+
+
+def _strays(points: Floats, lone: NDArray[np.bool_]) -> tuple[Numbers, Numbers]:
+    """Return the points that are chosen, and the nearest of the others to each."""
+    from scipy.spatial import cKDTree
+
+    alone, others = np.flatnonzero(lone), np.flatnonzero(~lone)
+    return alone, others[cKDTree(points[others]).query(points[alone])[1]] if len(alone) else alone
+
+
+def _along(points: Floats, spread: Floats, distance: Floats, around: Neighbourhoods, overlap: float) -> Floats:
+    """Return semi-axes of kernels along curves and surfaces, (N, 3)."""
+    squared = spread * spread
+    # A third of the number of directions in which the neighbours lie; in all three the moments are those of a volume.
+    share = squared.sum(axis=1) ** 2 / np.maximum(3.0 * (squared * squared).sum(axis=1), 1e-300)
+    nearest = np.full(around.count, np.inf)
+    np.minimum.at(nearest, around.at, distance)
+    thickness = nearest.copy()
+    np.maximum.at(thickness, around.at, nearest[around.other])
+    scales = overlap * np.sqrt(share)[:, None] * spread
+    scales = np.maximum(scales, 0.5 * overlap * thickness[:, None])
+    # Finely sampled curves would be too thin to be seen; along them they keep their resolution.
+    away = np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1))
+    scales[:, 1:] = np.maximum(scales[:, 1:], np.where(share < 0.5, _THINNEST * away, 0.0)[:, None])
+    return np.asarray(scales)
 
 
 def _grid(points: ArrayLike, values: ArrayLike, shape: object) -> tuple[Any, Any, tuple[int, int, int] | None]:
@@ -266,35 +295,85 @@ def delaunay(
             "use the nearest neighbours, " + option_ref("fit", "nearest") + ", or pass the ellipsoids themselves",
         )
     require_volume(_WHAT, place.points)
+    trim = truth("delaunay: trim", trim)
     if blocks is not None:
         renumbered = np.zeros(count, dtype=np.int64)
         renumbered[chosen] = place.number
         blocks = [renumbered[block] for block in blocks]
-    return _fit(place, blocks, count, len(chosen), overlap, lowest, falloff, trim)
+    at, size = scaled(place.points)
+    arrays = {
+        "points": at,
+        "numbers": np.array([overlap, lowest, falloff, thickness(place.points)[1] / size]),
+        "trim": np.array(trim),
+        **{f"block{number}": block for number, block in enumerate(blocks or ())},
+    }
+    long = len(at) > _SHORT_POINTS if blocks is None else sum(map(len, blocks)) > _SHORT_CELLS
+    made = computed_apart(_WHAT, _shapes, arrays) if long else _shapes(arrays)
+    if "alone" in made:
+        raise complain(
+            f"{_WHAT}: the mesh cannot be used",
+            f"{len(made['alone'])} points at the position of all their neighbours, the first at "
+            + shown_place(place.points[made["alone"][0]]),
+            "cells that have a volume",
+            "leave out " + option_ref("cells") + " for the Delaunay neighbours",
+        )
+    cell_count, trimmed, flat, raised, thin = map(int, made["counts"])
+    if thin:
+        _log.info("%s: the weight sum is below %g at the centres of %d cells and edges", _WHAT, lowest, thin)
+    return Kernels(
+        centers=place.points,
+        scales=made["scales"] * size,
+        values=place.values,
+        rotations=quaternions(made["axes"]),
+        falloff=falloff,
+        report={
+            "points": count,
+            "merged": place.merged,
+            "left_out": count - len(chosen),
+            "cells": cell_count,
+            "trimmed": trimmed,
+            "flat": flat,
+            "raised": raised,
+            "lowest": float(made["lowest"]),
+            "thin": thin,
+        },
+    )
 
 
-def _fit(
-    place: Merged,
-    blocks: list[Numbers] | None,
-    given: int,
-    chosen: int,
-    overlap: float,
-    lowest: float,
-    falloff: float,
-    trim: bool,
-) -> Kernels:
-    count = len(place.points)
-    points, size = scaled(place.points)
+def _joined(points: Floats, rounding: float, trim: bool) -> tuple[list[Numbers], NDArray[np.bool_], Numbers, int]:
+    """Return tetrahedra and edges, which points have edges in place of tetrahedra, those left out, and what is trimmed.
+
+    Those that Qhull leaves out are pairs of a point and the nearest vertex.
+    """
+    flat = flat_parts(points, rounding)
+    inside = np.flatnonzero(~flat)
     trimmed = 0
+    simplices, spare = np.empty((0, 4), dtype=np.int64), np.empty((0, 2), dtype=np.int64)
+    if len(inside):
+        own = points[inside]
+        simplices, beside, spare = _tetrahedra(own)
+        if len(simplices) and len(simplices) <= _MOST_CELLS * len(own):
+            if trim:
+                keep = _trimmed(own, simplices, beside)
+                trimmed = int((~keep).sum())
+                simplices = simplices[keep]
+        else:
+            flat[inside], simplices, spare = True, simplices[:0], spare[:0]
+    blocks = [inside[simplices], edges_along(points, flat)] if flat.any() else [simplices]
+    return [block for block in blocks if len(block)], flat, inside[spare], trimmed
+
+
+def _shapes(given: Arrays) -> dict[str, NDArray[Any]]:
+    """Return axes, (N, 3, 3), semi-axes, (N, 3), and numbers of a report for the arrays that `_fit` passes."""
+    points, (overlap, lowest, falloff, rounding), trim = given["points"], given["numbers"], bool(given["trim"])
+    blocks = [block for name, block in given.items() if name.startswith("block")]
+    count = len(points)
+    trimmed = 0
+    flat = np.zeros(count, dtype=bool)
     spare = np.empty((0, 2), dtype=np.int64)
-    ratio = overlap
-    if blocks is None:
-        simplices, beside, spare = _tetrahedra(points)
-        if truth("delaunay: trim", trim):
-            keep = _trimmed(points, simplices, beside)
-            trimmed = int((~keep).sum())
-            simplices = simplices[keep]
-        blocks = [simplices]
+    ratio = float(overlap)
+    if not blocks:
+        blocks, flat, spare, trimmed = _joined(points, rounding, trim)
         ratio *= _RANDOM
     around = Neighbourhoods(blocks, count)
     axes, spread = _moments(points, around)
@@ -302,41 +381,27 @@ def _fit(
     farthest = np.zeros(count)
     np.maximum.at(farthest, around.at, distance)
     scales = ratio * spread
-    # Points that Qhull left out get the shape of the nearest vertex.
-    for array in (axes, scales, farthest):
-        array[spare[:, 0]] = array[spare[:, 1]]
+    if flat.any():
+        scales[flat] = _along(points, spread, distance, around, overlap)[flat]
+    # Points that Qhull left out get the shape of the nearest vertex, and so do stray points.
+    for lone, like in (spare.T, _strays(points, flat & (farthest == 0.0))):
+        for array in (axes, scales, farthest):
+            array[lone] = array[like]
     alone = ~(farthest > 0.0)
     if alone.any():
-        first = place.points[int(np.argmax(alone))]
-        raise complain(
-            f"{_WHAT}: the mesh cannot be used",
-            f"{int(alone.sum())} points at the position of all their neighbours, the first at " + shown_place(first),
-            "cells that have a volume",
-            "leave out " + option_ref("cells") + " for the Delaunay neighbours",
-        )
+        return {"alone": np.flatnonzero(alone)}
     # Kernels of flat neighbourhoods need a thickness.
     limits = overlap * farthest
     scales = np.maximum(scales, 1e-9 * limits[:, None])
     cover = Cover(points, axes, scales, limits, around, falloff)
     for block in blocks:
-        cover.cover(block, lowest)
+        cover.cover(block if block.shape[1] > 2 else triangles_of(block, points), lowest)
     cover.cover(around.edges(), lowest)
-    if cover.thin:
-        _log.info("%s: the weight sum is below %g at the centres of %d cells and edges", _WHAT, lowest, cover.thin)
-    return Kernels(
-        centers=place.points,
-        scales=cover.scales * size,
-        values=place.values,
-        rotations=quaternions(axes),
-        falloff=falloff,
-        report={
-            "points": given,
-            "merged": place.merged,
-            "left_out": given - chosen,
-            "cells": sum(len(block) for block in blocks),
-            "trimmed": trimmed,
-            "raised": int(cover.raised.sum()),
-            "lowest": cover.thinnest,
-            "thin": cover.thin,
-        },
-    )
+    return {
+        "axes": axes,
+        "scales": cover.scales,
+        "lowest": np.array(cover.thinnest),
+        "counts": np.array(
+            [sum(len(b) for b in blocks if b.shape[1] > 2), trimmed, flat.sum(), cover.raised.sum(), cover.thin]
+        ),
+    }

@@ -127,6 +127,22 @@ def test_volumes_are_no_surfaces_whatever_their_units(kind: str) -> None:
     assert not fit.delaunay(points, points[:, 0], lowest=1e-3).report["flat"]
 
 
+@pytest.mark.parametrize("count", [5, 30, 900])
+@pytest.mark.parametrize("kind", ["plane", "line", "lattice", "circle"])
+def test_points_in_a_plane_and_on_a_line_have_kernels(kind: str, count: int) -> None:
+    t = np.linspace(0, 1, count)
+    points = {
+        "plane": np.random.default_rng(10).random((count, 2)) @ [[0.3, 0.5, 0.1], [-0.7, 0.2, 0.9]],
+        "line": t[:, None] * [1.0, 2.0, 3.0],
+        "lattice": np.stack([np.arange(count) // 5, np.arange(count) % 5, np.zeros(count)], axis=1),
+        "circle": np.stack([np.cos(5 * t), np.sin(5 * t), np.full(count, 0.3)], axis=1),
+    }[kind]
+    kernels = fit.delaunay(points, points[:, 1])
+    assert kernels.report["flat"] == count and kernels.report["lowest"] >= 1.1
+    assert np.isfinite(kernels.scales).all() and kernels.scales.min() > 1e-4
+    assert kernels.sums(points)[1].min() > 1.0
+
+
 def test_too_many_tetrahedra_become_edges(monkeypatch: pytest.MonkeyPatch) -> None:
     points = np.random.default_rng(8).random((300, 3))
     assert fit.delaunay(points, points[:, 0]).report["flat"] == 0

@@ -212,6 +212,17 @@ def delaunay(
     enlarged at every cell and edge at whose centre the weight sum W is below `lowest`, no axis beyond `overlap` times
     the distance of the point's farthest neighbour.
 
+    Points without a mesh that lie on curves and surfaces have near neighbours in place of tetrahedra: those that no
+    other is between (seen from it, at more than 135 degrees). These are parts of at least 256 points, held together by
+    their 8 nearest neighbours, where most of the points and their 16 nearest lie on a paraboloid at most a quarter as
+    thick as wide, also with the same extent along all axes; points in a plane or on a line; and points of more than 64
+    tetrahedra each on average. Their kernels have the neighbours' extent along the curve or surface, and across it at
+    least half of `overlap` times the distance of nearest neighbours; across curves also 1/32 of the median distance of
+    the points from their middle, so that they can be seen. W is at least `lowest` at the centres of their edges and of
+    the triangles between; the space that they enclose stays empty.
+
+    More than 8,000 points, or 100,000 cells, are computed in a process of their own, so that an interrupt is answered.
+
     Parameters
     ----------
     points
@@ -241,16 +252,17 @@ def delaunay(
     -------
     Kernels
         In the order of the points; `report` has `points` (given), `merged` (at the position of another; values are
-        averaged), `left_out` (masked or of no cell), `cells`, `trimmed` (tetrahedra), `raised` (kernels enlarged),
-        `lowest` (a lower bound of the least weight sum at a centre) and `thin` (centres that stayed below `lowest`).
+        averaged), `left_out` (masked or of no cell), `cells`, `trimmed` (tetrahedra), `flat` (points on curves and
+        surfaces), `raised` (kernels enlarged), `lowest` (a lower bound of the least weight sum at a centre) and `thin`
+        (centres that stayed below `lowest`).
 
     Raises
     ------
     InvalidInput
         For arrays whose sizes disagree, numbers that are not finite (the first is named), fewer than 5 positions, and
-        points in a plane or on a line.
+        meshes in a plane or on a line.
     OutOfMemory
-        Where the points are too many for Qhull and the edges.
+        Where the points are too many for Qhull and the edges, or the system ended the process.
 
     Examples
     --------
@@ -294,7 +306,9 @@ def delaunay(
             f"at least {_FEWEST}",
             "use the nearest neighbours, " + option_ref("fit", "nearest") + ", or pass the ellipsoids themselves",
         )
-    require_volume(_WHAT, place.points)
+    extents, rounding = thickness(place.points)
+    if blocks is not None:
+        require_volume(_WHAT, place.points)
     trim = truth("delaunay: trim", trim)
     if blocks is not None:
         renumbered = np.zeros(count, dtype=np.int64)
@@ -303,8 +317,9 @@ def delaunay(
     at, size = scaled(place.points)
     arrays = {
         "points": at,
-        "numbers": np.array([overlap, lowest, falloff, thickness(place.points)[1] / size]),
+        "numbers": np.array([overlap, lowest, falloff, rounding / size]),
         "trim": np.array(trim),
+        "volume": np.array((extents > rounding).all()),
         **{f"block{number}": block for number, block in enumerate(blocks or ())},
     }
     long = len(at) > _SHORT_POINTS if blocks is None else sum(map(len, blocks)) > _SHORT_CELLS
@@ -340,12 +355,14 @@ def delaunay(
     )
 
 
-def _joined(points: Floats, rounding: float, trim: bool) -> tuple[list[Numbers], NDArray[np.bool_], Numbers, int]:
+def _joined(
+    points: Floats, volume: bool, rounding: float, trim: bool
+) -> tuple[list[Numbers], NDArray[np.bool_], Numbers, int]:
     """Return tetrahedra and edges, which points have edges in place of tetrahedra, those left out, and what is trimmed.
 
     Those that Qhull leaves out are pairs of a point and the nearest vertex.
     """
-    flat = flat_parts(points, rounding)
+    flat = flat_parts(points, rounding) if volume else np.ones(len(points), dtype=bool)
     inside = np.flatnonzero(~flat)
     trimmed = 0
     simplices, spare = np.empty((0, 4), dtype=np.int64), np.empty((0, 2), dtype=np.int64)
@@ -373,7 +390,7 @@ def _shapes(given: Arrays) -> dict[str, NDArray[Any]]:
     spare = np.empty((0, 2), dtype=np.int64)
     ratio = float(overlap)
     if not blocks:
-        blocks, flat, spare, trimmed = _joined(points, rounding, trim)
+        blocks, flat, spare, trimmed = _joined(points, bool(given["volume"]), rounding, trim)
         ratio *= _RANDOM
     around = Neighbourhoods(blocks, count)
     axes, spread = _moments(points, around)

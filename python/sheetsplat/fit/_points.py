@@ -185,5 +185,5 @@ def require_volume(what: str, points: Floats) -> None:
             f"{len(points)} points {kind}: they extend over {', '.join(f'{part:.3g}' for part in spread)} along their "
             "own axes",
             "points that fill a volume",
-            "put copies of them beside the plane, or use the nearest neighbours, " + option_ref("fit", "nearest"),
+            "pass the points without the mesh, or use the nearest neighbours, " + option_ref("fit", "nearest"),
         )

@@ -84,12 +84,13 @@ def test_surfaces_are_covered_and_closed_ones_are_hollow() -> None:
     assert np.median(thick[:, 1] / thick[:, 0]) > 2.0
 
 
-def test_curves_keep_their_resolution_and_can_be_seen() -> None:
-    points = wells(6000)
+@pytest.mark.parametrize("far", [0.0, 1e4])
+def test_curves_keep_their_resolution_and_can_be_seen(far: float) -> None:
+    points = wells(6000) + np.repeat([[0, 0, 0], [far, 0, 0]], 3000, axis=0)
     kernels = fit.delaunay(points, points[:, 2])
     axes = np.sort(kernels.scales, axis=1)
     assert np.median(axes[:, 0]) == pytest.approx(2 / 2999, rel=0.01)
-    assert axes[:, 1].min() > 0.008
+    assert axes[:, 1:] == pytest.approx(np.full((6000, 2), 1 / 64), rel=0.01)
     # As precise as the spacing.
     assert off(kernels, points, points[:, 2])[100:-100].max() < 3e-4
 
@@ -141,6 +142,16 @@ def test_points_in_a_plane_and_on_a_line_have_kernels(kind: str, count: int) -> 
     assert kernels.report["flat"] == count and kernels.report["lowest"] >= 1.1
     assert np.isfinite(kernels.scales).all() and kernels.scales.min() > 1e-4
     assert kernels.sums(points)[1].min() > 1.0
+
+
+def test_clusters_far_apart_are_as_good_as_one() -> None:
+    rng = np.random.default_rng(11)
+    far = np.concatenate([rng.random((500, 3)), rng.random((500, 3)) + [1e8, 0, 0]])
+    kernels = fit.delaunay(far, far[:, 1])
+    # Coordinates near 1e8 are 1.5e-8 apart, squares of the distances are lost.
+    assert kernels.report["flat"] == 1000
+    assert kernels.scales.max() < 2.0
+    assert np.sqrt(np.mean(off(kernels, far, far[:, 1]) ** 2)) < 0.03
 
 
 def test_too_many_tetrahedra_become_edges(monkeypatch: pytest.MonkeyPatch) -> None:

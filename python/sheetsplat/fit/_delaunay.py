@@ -31,8 +31,10 @@ _TRIM = 3.5
 _FEWEST = 5
 # Tetrahedra of a point on average beyond which points lie along curves: random points have 7.
 _MOST_CELLS = 64
-# Least radius across curves, in distances of points from their middle (medians).
-_THINNEST = 1.0 / 32.0
+# Share of the points that Qhull may leave out: with clusters far apart, squares of near distances are lost to rounding.
+_MOST_LOST = 1.0 / 64.0
+# Least radius across curves, in mean distances of their points from their middle: for straight ones 1/64 of the length.
+_THINNEST = 1.0 / 16.0
 # Points and cells that take about a second; more are computed in a process of their own.
 _SHORT_POINTS = 8_000
 _SHORT_CELLS = 100_000
@@ -130,6 +132,19 @@ def _strays(points: Floats, lone: NDArray[np.bool_]) -> tuple[Numbers, Numbers]:
     return alone, others[cKDTree(points[others]).query(points[alone])[1]] if len(alone) else alone
 
 
+def _extents(points: Floats, around: Neighbourhoods) -> Floats:
+    """Return the mean distance from its middle of the part that each point is in, (N,); edges hold parts together."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_array((np.ones(len(around.at), dtype=np.int8), (around.at, around.other)), (len(points),) * 2)
+    _, part = connected_components(graph, directed=False)
+    sizes = np.bincount(part)
+    middle = np.stack([np.bincount(part, points[:, axis]) / sizes for axis in range(3)], axis=1)
+    away = np.linalg.norm(points - middle[part], axis=1)
+    return np.asarray((np.bincount(part, away) / sizes)[part])
+
+
 def _along(points: Floats, spread: Floats, distance: Floats, around: Neighbourhoods, overlap: float) -> Floats:
     """Return semi-axes of kernels along curves and surfaces, (N, 3)."""
     squared = spread * spread
@@ -139,11 +154,12 @@ def _along(points: Floats, spread: Floats, distance: Floats, around: Neighbourho
     np.minimum.at(nearest, around.at, distance)
     thickness = nearest.copy()
     np.maximum.at(thickness, around.at, nearest[around.other])
-    scales = overlap * np.sqrt(share)[:, None] * spread
+    # Neighbours along a curve are at the mean distance of points, in a volume farther away.
+    scales = (overlap * np.sqrt(share) * _RANDOM ** (1.5 * share - 0.5))[:, None] * spread
     scales = np.maximum(scales, 0.5 * overlap * thickness[:, None])
     # Finely sampled curves would be too thin to be seen; along them they keep their resolution.
-    away = np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1))
-    scales[:, 1:] = np.maximum(scales[:, 1:], np.where(share < 0.5, _THINNEST * away, 0.0)[:, None])
+    thinnest = _THINNEST * _extents(points, around)
+    scales[:, 1:] = np.maximum(scales[:, 1:], np.where(share < 0.5, thinnest, 0.0)[:, None])
     return np.asarray(scales)
 
 
@@ -216,10 +232,11 @@ def delaunay(
     other is between (seen from it, at more than 135 degrees). These are parts of at least 256 points, held together by
     their 8 nearest neighbours, where most of the points and their 16 nearest lie on a paraboloid at most a quarter as
     thick as wide, also with the same extent along all axes; points in a plane or on a line; and points of more than 64
-    tetrahedra each on average. Their kernels have the neighbours' extent along the curve or surface, and across it at
-    least half of `overlap` times the distance of nearest neighbours; across curves also 1/32 of the median distance of
-    the points from their middle, so that they can be seen. W is at least `lowest` at the centres of their edges and of
-    the triangles between; the space that they enclose stays empty.
+    tetrahedra each on average, or of which Qhull leaves out more than 1/64 (clusters far apart). Their kernels have the
+    neighbours' extent along the curve or surface, and across it at least half of `overlap` times the distance of
+    nearest neighbours; across curves also 1/16 of the mean distance of their points from their middle, so that they can
+    be seen. W is at least `lowest` at the centres of their edges and of the triangles between; the space that they
+    enclose stays empty.
 
     More than 8,000 points, or 100,000 cells, are computed in a process of their own, so that an interrupt is answered.
 
@@ -369,7 +386,7 @@ def _joined(
     if len(inside):
         own = points[inside]
         simplices, beside, spare = _tetrahedra(own)
-        if len(simplices) and len(simplices) <= _MOST_CELLS * len(own):
+        if len(simplices) and len(simplices) <= _MOST_CELLS * len(own) and len(spare) <= _MOST_LOST * len(own):
             if trim:
                 keep = _trimmed(own, simplices, beside)
                 trimmed = int((~keep).sum())

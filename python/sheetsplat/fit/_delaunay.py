@@ -35,6 +35,8 @@ _MOST_CELLS = 64
 _MOST_LOST = 1.0 / 64.0
 # Least radius across curves, in mean distances of their points from their middle: for straight ones 1/64 of the length.
 _THINNEST = 1.0 / 16.0
+# Points lie on a curve where the share of the directions of their neighbours is at most this on average; 1/3 is one.
+_CURVE = 0.4
 # Points and cells that take about a second; more are computed in a process of their own.
 _SHORT_POINTS = 8_000
 _SHORT_CELLS = 100_000
@@ -132,8 +134,12 @@ def _strays(points: Floats, lone: NDArray[np.bool_]) -> tuple[Numbers, Numbers]:
     return alone, others[cKDTree(points[others]).query(points[alone])[1]] if len(alone) else alone
 
 
-def _extents(points: Floats, around: Neighbourhoods) -> Floats:
-    """Return the mean distance from its middle of the part that each point is in, (N,); edges hold parts together."""
+def _least_radii(points: Floats, share: Floats, around: Neighbourhoods) -> Floats:
+    """Return the least radius across the curve that each point is on, (N,), 0 elsewhere.
+
+    Parts are what edges hold together; curves are those whose neighbours lie in about one of three directions (`share`)
+    on average.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -142,7 +148,8 @@ def _extents(points: Floats, around: Neighbourhoods) -> Floats:
     sizes = np.bincount(part)
     middle = np.stack([np.bincount(part, points[:, axis]) / sizes for axis in range(3)], axis=1)
     away = np.linalg.norm(points - middle[part], axis=1)
-    return np.asarray((np.bincount(part, away) / sizes)[part])
+    curves = np.bincount(part, share) < _CURVE * sizes
+    return np.asarray(np.where(curves, _THINNEST * np.bincount(part, away) / sizes, 0.0)[part])
 
 
 def _along(points: Floats, spread: Floats, distance: Floats, around: Neighbourhoods, overlap: float) -> Floats:
@@ -158,8 +165,7 @@ def _along(points: Floats, spread: Floats, distance: Floats, around: Neighbourho
     scales = (overlap * np.sqrt(share) * _RANDOM ** (1.5 * share - 0.5))[:, None] * spread
     scales = np.maximum(scales, 0.5 * overlap * thickness[:, None])
     # Finely sampled curves would be too thin to be seen; along them they keep their resolution.
-    thinnest = _THINNEST * _extents(points, around)
-    scales[:, 1:] = np.maximum(scales[:, 1:], np.where(share < 0.5, thinnest, 0.0)[:, None])
+    scales[:, 1:] = np.maximum(scales[:, 1:], _least_radii(points, share, around)[:, None])
     return np.asarray(scales)
 
 

@@ -18,7 +18,7 @@ from ._cells import Neighbourhoods, cell_blocks, grid_cells
 from ._cover import Cover
 from ._kernels import Floats, Kernels, Numbers, quaternions
 from ._points import merge, numbers, places, positive, require_volume, scalars, scaled, shown_place, thickness
-from ._sheets import edges_along, flat_parts, triangles_of
+from ._sheets import edges_along, flat_parts, parts_of, triangles_of
 
 _log = logging.getLogger("sheetsplat")
 _WHAT = "fit.delaunay"
@@ -31,7 +31,8 @@ _TRIM = 3.5
 _FEWEST = 5
 # Tetrahedra of a point on average beyond which points lie along curves: random points have 7.
 _MOST_CELLS = 64
-# Share of the points that Qhull may leave out: with clusters far apart, squares of near distances are lost to rounding.
+# Share of the points that Qhull may leave out. Where clusters are far apart it loses squares of near distances to
+# rounding; each is joined by itself then.
 _MOST_LOST = 1.0 / 64.0
 # Least radius across curves, in mean distances of their points from their middle: for straight ones 1/64 of the length.
 _THINNEST = 1.0 / 16.0
@@ -238,12 +239,12 @@ def delaunay(
     other is between (seen from it, at more than 135 degrees). These are parts of at least 256 points, held together by
     their 8 nearest neighbours, where most of the points and their 16 nearest lie on a paraboloid at most a quarter as
     thick as wide, also with the same extent along all axes; points in a plane or on a line; and points of more than 64
-    tetrahedra each on average, or of which Qhull leaves out more than 1/64 (clusters far apart). Their kernels have the
-    neighbours' extent along the curve or surface, and across it at least half of `overlap` times the distance of
-    nearest neighbours; across curves also 1/16 of the mean distance of their points from their middle, so that they can
-    be seen. W is at least `lowest` at the centres of their edges and of the triangles between; the space that they
-    enclose stays empty.
+    tetrahedra each on average. Their kernels have the neighbours' extent along the curve or surface, and across it at
+    least half of `overlap` times the distance of nearest neighbours; across curves also 1/16 of the mean distance of
+    their points from their middle, so that they can be seen. W is at least `lowest` at the centres of their edges and
+    of the triangles between; the space that they enclose stays empty.
 
+    Parts so far apart that Qhull would leave out more than 1/64 of the points to rounding are joined each by itself.
     More than 8,000 points, or 100,000 cells, are computed in a process of their own, so that an interrupt is answered.
 
     Parameters
@@ -386,21 +387,28 @@ def _joined(
     Those that Qhull leaves out are pairs of a point and the nearest vertex.
     """
     flat = flat_parts(points, rounding) if volume else np.ones(len(points), dtype=bool)
-    inside = np.flatnonzero(~flat)
-    trimmed = 0
-    simplices, spare = np.empty((0, 4), dtype=np.int64), np.empty((0, 2), dtype=np.int64)
-    if len(inside):
-        own = points[inside]
+    cells, spares, trimmed = [np.empty((0, 4), dtype=np.int64)], [np.empty((0, 2), dtype=np.int64)], 0
+    groups = [] if flat.all() else [np.flatnonzero(~flat)]
+    while groups:
+        group = groups.pop()
+        own = points if len(group) == len(points) else scaled(points[group])[0]
         simplices, beside, spare = _tetrahedra(own)
-        if len(simplices) and len(simplices) <= _MOST_CELLS * len(own) and len(spare) <= _MOST_LOST * len(own):
-            if trim:
-                keep = _trimmed(own, simplices, beside)
-                trimmed = int((~keep).sum())
-                simplices = simplices[keep]
-        else:
-            flat[inside], simplices, spare = True, simplices[:0], spare[:0]
-    blocks = [inside[simplices], edges_along(points, flat)] if flat.any() else [simplices]
-    return [block for block in blocks if len(block)], flat, inside[spare], trimmed
+        if len(spare) > _MOST_LOST * len(own):
+            part = parts_of(own)
+            if part.any():
+                groups += [group[part == number] for number in range(part.max() + 1)]
+                continue
+        if not 0 < len(simplices) <= _MOST_CELLS * len(own):
+            flat[group] = True
+            continue
+        if trim:
+            keep = _trimmed(own, simplices, beside)
+            trimmed += int((~keep).sum())
+            simplices = simplices[keep]
+        cells.append(group[simplices])
+        spares.append(group[spare])
+    blocks = [np.concatenate(cells)] + ([edges_along(points, flat)] if flat.any() else [])
+    return [block for block in blocks if len(block)], flat, np.concatenate(spares), trimmed
 
 
 def _shapes(given: Arrays) -> dict[str, NDArray[Any]]:

@@ -59,29 +59,32 @@ def _seen(points: Floats) -> Iterator[Floats]:
     yield middle @ axes.T / (extent * np.sqrt(1.0 / len(points)))
 
 
-def flat_parts(points: Floats, rounding: float) -> NDArray[np.bool_]:
-    """Return which points lie on curves and surfaces, (N,).
-
-    Parts are what near neighbours hold together. A part is flat where most of its neighbourhoods are smooth; small
-    parts follow if there is a flat one, and are part of the volume otherwise.
-    """
+def parts_of(points: Floats) -> Numbers:
+    """Return the number of the part that each point is in, (N,): near neighbours hold parts together."""
     from scipy.sparse import coo_array  # type: ignore[import-untyped]
     from scipy.sparse.csgraph import connected_components  # type: ignore[import-untyped]
 
-    count = len(points)
-    flat = np.ones(count, dtype=bool)
-    part = sizes = np.empty(0, dtype=np.int64)
+    near, _ = nearest_neighbours(points, _TOGETHER)
+    pairs = np.repeat(np.arange(len(points)), near.shape[1]), near.reshape(-1)
+    graph = coo_array((np.ones(near.size, dtype=np.int8), pairs), (len(points), len(points)))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def flat_parts(points: Floats, rounding: float) -> NDArray[np.bool_]:
+    """Return which points lie on curves and surfaces, (N,).
+
+    A part is flat where most of its neighbourhoods are smooth; small
+    parts follow if there is a flat one, and are part of the volume otherwise.
+    """
+    part = parts_of(points)
+    sizes = np.bincount(part)
+    flat = np.ones(len(points), dtype=bool)
     for seen in _seen(points):
         near, _ = nearest_neighbours(seen, _AROUND)
         flat &= _smooth(seen, near, rounding)
-        if not len(part):
-            pairs = np.repeat(np.arange(count), near[:, :_TOGETHER].shape[1]), near[:, :_TOGETHER].reshape(-1)
-            graph = coo_array((np.ones(len(pairs[0]), dtype=np.int8), pairs), (count, count))
-            _, part = connected_components(graph, directed=False)
-            sizes = np.bincount(part)
         sheets = (sizes >= _LEAST) & (2.0 * np.bincount(part, flat) > sizes)
         if not sheets.any():
-            return np.zeros(count, dtype=bool)
+            return np.zeros(len(points), dtype=bool)
     return np.asarray((sheets | (sizes < _LEAST))[part])
 
 

@@ -128,6 +128,13 @@ def test_volumes_are_no_surfaces_whatever_their_units(kind: str) -> None:
     assert not fit.delaunay(points, points[:, 0], lowest=1e-3).report["flat"]
 
 
+@pytest.mark.parametrize(("make", "noise"), [(on_sphere, 1e-3), (helix, 3e-4), (wells, 1e-6)])
+def test_noise_far_below_the_spacing_does_not_matter(make: Callable[[int], Array], noise: float) -> None:
+    points = make(3000)
+    points = points + noise * np.random.default_rng(12).normal(size=points.shape)
+    assert fit.delaunay(points, points[:, 0]).report["flat"] == 3000
+
+
 @pytest.mark.parametrize("count", [5, 30, 900])
 @pytest.mark.parametrize("kind", ["plane", "line", "lattice", "circle"])
 def test_points_in_a_plane_and_on_a_line_have_kernels(kind: str, count: int) -> None:

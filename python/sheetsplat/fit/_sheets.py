@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -18,9 +19,10 @@ _TOGETHER = 8
 # Parts with fewer points are too small to be told from a volume: columns of levels, for instance.
 _LEAST = 256
 # A neighbourhood is flat where it is this much thinner than wide, and smooth where a paraboloid leaves this much of
-# its thickness.
+# its thickness, or of the distance of points.
 _FLAT = 0.25
 _ROUGH = 0.25
+_NOISE = 0.1
 # A point is a stray where it is farther away than this many times the neighbours of its neighbours.
 _STRAY = 2.0
 _CHUNK = 1 << 14
@@ -43,7 +45,9 @@ def _smooth(points: Floats, near: Numbers, rounding: float) -> NDArray[np.bool_]
         height, u, v = height[flat], u[flat] / wide[flat, None], v[flat] / wide[flat, None]
         basis, _ = np.linalg.qr(np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=2))
         rest = height - np.einsum("nkb,nb->nk", basis, np.einsum("nkb,nk->nb", basis, height))
-        flat[flat] = np.linalg.norm(rest, axis=1) <= _ROUGH * thick[flat] + rounding
+        spacing = np.linalg.norm(at[flat, min(2, at.shape[1] - 1)] - at[flat, 0], axis=1)
+        rough = np.maximum(_ROUGH * thick[flat], _NOISE * spacing * math.sqrt(at.shape[1]))
+        flat[flat] = np.linalg.norm(rest, axis=1) <= rough + rounding
         found.append(flat)
     return np.concatenate(found)
 

@@ -128,6 +128,15 @@ def test_volumes_are_no_surfaces_whatever_their_units(kind: str) -> None:
     assert not fit.delaunay(points, points[:, 0], lowest=1e-3).report["flat"]
 
 
+def test_grids_of_long_cells_are_no_surfaces() -> None:
+    # Layers that grow from 1/300 to 3 cells: most points have near neighbours in their row alone.
+    axes = np.arange(24.0), np.arange(24.0), 0.003 * 1.25 ** np.arange(32)
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    assert not _sheets.flat_parts(points, 1e-12).any()
+    row = points[:32] + 40.0
+    assert not _sheets.flat_parts(np.concatenate([points, row]), 1e-12).any()
+
+
 @pytest.mark.parametrize(("make", "noise"), [(on_sphere, 1e-3), (helix, 3e-4), (wells, 1e-6)])
 def test_noise_far_below_the_spacing_does_not_matter(make: Callable[[int], Array], noise: float) -> None:
     points = make(3000)

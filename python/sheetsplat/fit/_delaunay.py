@@ -238,11 +238,12 @@ def delaunay(
     Points without a mesh that lie on curves and surfaces have near neighbours in place of tetrahedra: those that no
     other is between (seen from it, at more than 135 degrees). These are parts of at least 256 points, held together by
     their 8 nearest neighbours, where most of the points and their 16 nearest lie on a paraboloid at most a quarter as
-    thick as wide, but for a tenth of their distance, also with the same extent along all axes; points in a plane or on
-    a line; and points of more than 64 tetrahedra each on average. Their kernels have the neighbours' extent along the
-    curve or surface, and across it at least half of `overlap` times the distance of nearest neighbours; across curves
-    also 1/16 of the mean distance of their points from their middle, so that they can be seen. W is at least `lowest`
-    at the centres of their edges and of the triangles between; the space that they enclose stays empty.
+    thick as wide, but for a tenth of their distance, also with the same extent along all axes and for a 128th of the
+    part's points, if they have a sixteenth of all points; points in a plane or on a line; and points of more than 64
+    tetrahedra each on average. Their kernels have the neighbours' extent along the curve or surface, and across it at
+    least half of `overlap` times the distance of nearest neighbours; across curves also 1/16 of the mean distance of
+    their points from their middle, so that they can be seen. W is at least `lowest` at the centres of their edges and
+    of the triangles between; the space that they enclose stays empty.
 
     Parts so far apart that Qhull would leave out more than 1/64 of the points to rounding are joined each by itself.
     More than 8,000 points, or 100,000 cells, are computed in a process of their own, so that an interrupt is answered.

@@ -138,14 +138,18 @@ def merge(what: str, points: Floats, values: Floats) -> Merged:
     return Merged(points[kept], mean, number, merged)
 
 
-def nearest_neighbours(points: Floats, most: int) -> tuple[Numbers, Floats]:
-    """Return the numbers and the distances of at most so many other points nearest to each, (N, k), nearest first."""
+def nearest_neighbours(points: Floats, most: int, chosen: Numbers | None = None) -> tuple[Numbers, Floats]:
+    """Return the numbers and the distances of at most so many other points nearest to each, (N, k), nearest first.
+
+    `chosen`: of these points only.
+    """
     from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 
     tree = cKDTree(points)
     wanted = min(most, len(points) - 1) + 1
     # Between the pieces an interrupt is answered.
-    pieces = [tree.query(points[first : first + _PIECE], k=wanted) for first in range(0, len(points), _PIECE)]
+    asked = points if chosen is None else points[chosen]
+    pieces = [tree.query(asked[first : first + _PIECE], k=wanted) for first in range(0, len(asked), _PIECE)]
     distance, number = (np.concatenate([piece[part][:, 1:] for piece in pieces]) for part in (0, 1))
     return number.astype(np.int64), distance
 

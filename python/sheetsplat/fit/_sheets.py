@@ -18,11 +18,17 @@ _AROUND = 16
 _TOGETHER = 8
 # Parts with fewer points are too small to be told from a volume: columns of levels, for instance.
 _LEAST = 256
+# Least share of the points on curves and surfaces: fewer are outer layers of a grid, or cost little in the volume.
+_SHARE = 1.0 / 16.0
 # A neighbourhood is flat where it is this much thinner than wide, and smooth where a paraboloid leaves this much of
 # its thickness, or of the distance of points.
 _FLAT = 0.25
 _ROUGH = 0.25
 _NOISE = 0.1
+# Wider neighbourhoods: this share of a part, at most so many points, of so many points of the part.
+_WIDER = 128
+_WIDEST = 256
+_VOTERS = 256
 # A point is a stray where it is farther away than this many times the neighbours of its neighbours.
 _STRAY = 2.0
 _CHUNK = 1 << 14
@@ -32,10 +38,14 @@ def _chunks(array: NDArray[np.generic]) -> Iterator[NDArray[np.generic]]:
     return (array[first : first + _CHUNK] for first in range(0, len(array), _CHUNK))
 
 
-def _smooth(points: Floats, near: Numbers, rounding: float) -> NDArray[np.bool_]:
-    """Return which neighbourhoods are flat, and a paraboloid but for little of their thickness, (N,)."""
+def _smooth(points: Floats, rounding: float, most: int, chosen: Numbers | None = None) -> NDArray[np.bool_]:
+    """Return which neighbourhoods of so many points are flat, and a paraboloid but for little of their thickness, (N,).
+
+    `chosen`: of these points only.
+    """
+    near, _ = nearest_neighbours(points, most, chosen)
     found = []
-    for own, others in zip(_chunks(points), _chunks(near), strict=True):
+    for own, others in zip(_chunks(points if chosen is None else points[chosen]), _chunks(near), strict=True):
         at = np.concatenate([own[:, None], points[others]], axis=1)
         at -= at.mean(axis=1, keepdims=True)
         sizes, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", at, at))
@@ -84,10 +94,14 @@ def flat_parts(points: Floats, rounding: float) -> NDArray[np.bool_]:
     sizes = np.bincount(part)
     flat = np.ones(len(points), dtype=bool)
     for seen in _seen(points):
-        near, _ = nearest_neighbours(seen, _AROUND)
-        flat &= _smooth(seen, near, rounding)
+        flat &= _smooth(seen, rounding, _AROUND)
         sheets = (sizes >= _LEAST) & (2.0 * np.bincount(part, flat) > sizes)
-        if not sheets.any():
+        # Near neighbours in a grid of long cells are those in a row or layer; farther ones tell it from a surface.
+        for number in np.flatnonzero(sheets & (sizes > _WIDER * _AROUND)):
+            inside = np.flatnonzero(part == number)
+            voters = np.random.default_rng(1).choice(inside, _VOTERS, replace=False)
+            sheets[number] = _smooth(seen, rounding, min(_WIDEST, len(inside) // _WIDER), voters).mean() > 0.5
+        if sizes[sheets].sum() < _SHARE * len(points):
             return np.zeros(len(points), dtype=bool)
     return np.asarray((sheets | (sizes < _LEAST))[part])
 

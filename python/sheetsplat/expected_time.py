@@ -46,8 +46,8 @@ class _Rates:
 # 2,560,000 pixels, and 500 to 1,000,000 ellipsoids, within a factor of 3. "gl": of OpenGL in software.
 _RATES = {
     "cpu": _Rates(3e9, 2e8, 1.2e9),
-    "gl": _Rates(2.5e7, 2e7, 3e7),
-    "reference": _Rates(8e6, 8e6, 1e7),
+    "gl": _Rates(2.5e8, 2e8, 1.2e8),
+    "reference": _Rates(5e7, 5e7, 5e7),
 }
 
 

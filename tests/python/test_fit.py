@@ -352,15 +352,16 @@ def _with(entry: int, value: float) -> Array:
     return changed
 
 
+_MESH = np.arange(28).reshape(7, 4)
 _PLANE = CLOUD[:, :2] @ np.array([[0.3, 0.5, 0.1], [-0.7, 0.2, 0.9]])
 
 
 @pytest.mark.parametrize(
     ("make", "told"),
     [
-        (lambda: fit.delaunay(_PLANE, CLOUD[:, 0]), "in one plane"),
-        (lambda: fit.delaunay(_PLANE.astype(np.float32) + np.float32(3), CLOUD[:, 0]), "in one plane"),
-        (lambda: fit.delaunay(CLOUD[:, :1] * [1, 2, 3], CLOUD[:, 0]), "on one line"),
+        (lambda: fit.delaunay(_PLANE, CLOUD[:, 0], cells=[_MESH]), "in one plane"),
+        (lambda: fit.delaunay(_PLANE.astype(np.float32) + np.float32(3), CLOUD[:, 0], cells=[_MESH]), "in one plane"),
+        (lambda: fit.delaunay(CLOUD[:, :1] * [1, 2, 3], CLOUD[:, 0], cells=[_MESH]), "on one line"),
         (lambda: fit.delaunay(np.ones((30, 3)), CLOUD[:, 0]), "1 different positions"),
         (lambda: fit.delaunay(CLOUD[:4], np.ones(4)), "4 different positions of 4 points.*at least 5"),
         (lambda: fit.delaunay(np.empty((0, 3)), []), "0 different positions"),

@@ -20,6 +20,8 @@ _WEDGE = ((1, 2, 3), (0, 2, 4), (0, 1, 5), (0, 4, 5), (1, 3, 5), (2, 3, 4))
 _HEXAHEDRON = ((1, 3, 4), (0, 2, 5), (1, 3, 6), (0, 2, 7), (0, 5, 7), (1, 4, 6), (2, 5, 7), (3, 4, 6))
 
 CORNERS: Mapping[int, tuple[tuple[int, ...], ...]] = {4: _TETRA, 5: _PYRAMID, 6: _WEDGE, 8: _HEXAHEDRON}
+# Points without cells have edges in their place.
+_WITH_EDGES = {2: ((1,), (0,)), **CORNERS}
 _NAMES = {"tetra": 4, "pyramid": 5, "wedge": 6, "hexahedron": 8}
 _WANTED = "arrays (M, 4) of tetrahedra, (M, 5) of pyramids, (M, 6) of wedges or (M, 8) of hexahedra"
 _FAILED = unusable("fit.delaunay: cells")
@@ -112,7 +114,7 @@ class Neighbourhoods:
     Parameters
     ----------
     blocks
-        Cells, arrays (M, corners).
+        Cells, or edges in place of cells, arrays (M, corners).
     count
         Number of points.
 
@@ -134,7 +136,7 @@ class Neighbourhoods:
         weight: list[Floats] = []
         cells = np.zeros(count)
         for block in blocks:
-            for corner, others in enumerate(CORNERS[block.shape[1]]):
+            for corner, others in enumerate(_WITH_EDGES[block.shape[1]]):
                 cells += np.bincount(block[:, corner], minlength=count)
                 for other in others:
                     first.append(block[:, corner] * count + block[:, other])

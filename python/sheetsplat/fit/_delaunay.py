@@ -13,10 +13,12 @@ from sheetsplat import _memory
 from sheetsplat._checks import shown, truth
 from sheetsplat.errors import complain, option_ref, unusable
 
+from ._apart import Arrays, computed_apart
 from ._cells import Neighbourhoods, cell_blocks, grid_cells
 from ._cover import Cover
 from ._kernels import Floats, Kernels, Numbers, quaternions
-from ._points import Merged, merge, numbers, places, positive, require_volume, scalars, scaled, shown_place
+from ._points import merge, numbers, places, positive, require_volume, scalars, scaled, shown_place, thickness
+from ._sheets import edges_along, flat_parts, parts_of, triangles_of
 
 _log = logging.getLogger("sheetsplat")
 _WHAT = "fit.delaunay"
@@ -27,6 +29,18 @@ _RANDOM = 0.745
 # Largest circumradius of tetrahedra on the hull, relative to what is usual at their corners.
 _TRIM = 3.5
 _FEWEST = 5
+# Tetrahedra of a point on average beyond which points lie along curves: random points have 7.
+_MOST_CELLS = 64
+# Share of the points that Qhull may leave out. Where clusters are far apart it loses squares of near distances to
+# rounding; each is joined by itself then.
+_MOST_LOST = 1.0 / 64.0
+# Least radius across curves, in mean distances of their points from their middle: for straight ones 1/64 of the length.
+_THINNEST = 1.0 / 16.0
+# Points lie on a curve where the share of the directions of their neighbours is at most this on average; 1/3 is one.
+_CURVE = 0.4
+# Points and cells that take about a second; more are computed in a process of their own.
+_SHORT_POINTS = 8_000
+_SHORT_CELLS = 100_000
 # Measured memory of Qhull, the edges and the moments, bytes per point.
 _BYTES = 4000
 _CHUNK = 1 << 18
@@ -36,16 +50,11 @@ def _tetrahedra(points: Floats) -> tuple[Numbers, Numbers, Numbers]:
     """Return the tetrahedra, their neighbours, and pairs of a point that Qhull left out and the nearest vertex."""
     from scipy.spatial import Delaunay, QhullError  # type: ignore[import-untyped]
 
+    none = np.empty((0, 4), dtype=np.int64)
     try:
         found = Delaunay(points)
-    except QhullError as error:
-        lines = str(error).strip().splitlines()
-        raise complain(
-            f"{_WHAT}: the points cannot be joined",
-            lines[0] if lines else "an error of Qhull",
-            "points that fill a volume",
-            "pass the mesh's own cells or shape, or use the nearest neighbours, " + option_ref("fit", "nearest"),
-        ) from None
+    except QhullError:
+        return none, none, none[:, :2]
     simplices, neighbors, coplanar = (
         array.astype(np.int64) for array in (found.simplices, found.neighbors, found.coplanar[:, [0, 2]])
     )
@@ -118,6 +127,49 @@ def _moments(points: Floats, around: Neighbourhoods) -> tuple[Floats, Floats]:
     return axes, spread
 
 
+def _strays(points: Floats, lone: NDArray[np.bool_]) -> tuple[Numbers, Numbers]:
+    """Return the points that are chosen, and the nearest of the others to each."""
+    from scipy.spatial import cKDTree
+
+    alone, others = np.flatnonzero(lone), np.flatnonzero(~lone)
+    return alone, others[cKDTree(points[others]).query(points[alone])[1]] if len(alone) else alone
+
+
+def _least_radii(points: Floats, share: Floats, around: Neighbourhoods) -> Floats:
+    """Return the least radius across the curve that each point is on, (N,), 0 elsewhere.
+
+    Parts are what edges hold together; curves are those whose neighbours lie in about one of three directions (`share`)
+    on average.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_array((np.ones(len(around.at), dtype=np.int8), (around.at, around.other)), (len(points),) * 2)
+    _, part = connected_components(graph, directed=False)
+    sizes = np.bincount(part)
+    middle = np.stack([np.bincount(part, points[:, axis]) / sizes for axis in range(3)], axis=1)
+    away = np.linalg.norm(points - middle[part], axis=1)
+    curves = np.bincount(part, share) < _CURVE * sizes
+    return np.asarray(np.where(curves, _THINNEST * np.bincount(part, away) / sizes, 0.0)[part])
+
+
+def _along(points: Floats, spread: Floats, distance: Floats, around: Neighbourhoods, overlap: float) -> Floats:
+    """Return semi-axes of kernels along curves and surfaces, (N, 3)."""
+    squared = spread * spread
+    # A third of the number of directions in which the neighbours lie; in all three the moments are those of a volume.
+    share = squared.sum(axis=1) ** 2 / np.maximum(3.0 * (squared * squared).sum(axis=1), 1e-300)
+    nearest = np.full(around.count, np.inf)
+    np.minimum.at(nearest, around.at, distance)
+    thickness = nearest.copy()
+    np.maximum.at(thickness, around.at, nearest[around.other])
+    # Neighbours along a curve are at the mean distance of points, in a volume farther away.
+    scales = (overlap * np.sqrt(share) * _RANDOM ** (1.5 * share - 0.5))[:, None] * spread
+    scales = np.maximum(scales, 0.5 * overlap * thickness[:, None])
+    # Finely sampled curves would be too thin to be seen; along them they keep their resolution.
+    scales[:, 1:] = np.maximum(scales[:, 1:], _least_radii(points, share, around)[:, None])
+    return np.asarray(scales)
+
+
 def _grid(points: ArrayLike, values: ArrayLike, shape: object) -> tuple[Any, Any, tuple[int, int, int] | None]:
     """Return points (N, 3), values and the shape of a structured grid, or None."""
     array = numbers(_WHAT, points, "points")
@@ -183,6 +235,19 @@ def delaunay(
     enlarged at every cell and edge at whose centre the weight sum W is below `lowest`, no axis beyond `overlap` times
     the distance of the point's farthest neighbour.
 
+    Points without a mesh that lie on curves and surfaces have near neighbours in place of tetrahedra: those that no
+    other is between (seen from it, at more than 135 degrees). These are parts of at least 256 points, held together by
+    their 8 nearest neighbours, where most of the points and their 16 nearest lie on a paraboloid at most a quarter as
+    thick as wide, but for a tenth of their distance, also with the same extent along all axes and for a 128th of the
+    part's points, if they have a sixteenth of all points; points in a plane or on a line; and points of more than 64
+    tetrahedra each on average. Their kernels have the neighbours' extent along the curve or surface, and across it at
+    least half of `overlap` times the distance of nearest neighbours; across curves also 1/16 of the mean distance of
+    their points from their middle, so that they can be seen. W is at least `lowest` at the centres of their edges and
+    of the triangles between; the space that they enclose stays empty.
+
+    Parts so far apart that Qhull would leave out more than 1/64 of the points to rounding are joined each by itself.
+    More than 8,000 points, or 100,000 cells, are computed in a process of their own, so that an interrupt is answered.
+
     Parameters
     ----------
     points
@@ -212,16 +277,17 @@ def delaunay(
     -------
     Kernels
         In the order of the points; `report` has `points` (given), `merged` (at the position of another; values are
-        averaged), `left_out` (masked or of no cell), `cells`, `trimmed` (tetrahedra), `raised` (kernels enlarged),
-        `lowest` (a lower bound of the least weight sum at a centre) and `thin` (centres that stayed below `lowest`).
+        averaged), `left_out` (masked or of no cell), `cells`, `trimmed` (tetrahedra), `flat` (points on curves and
+        surfaces), `raised` (kernels enlarged), `lowest` (a lower bound of the least weight sum at a centre) and `thin`
+        (centres that stayed below `lowest`).
 
     Raises
     ------
     InvalidInput
         For arrays whose sizes disagree, numbers that are not finite (the first is named), fewer than 5 positions, and
-        points in a plane or on a line.
+        meshes in a plane or on a line.
     OutOfMemory
-        Where the points are too many for Qhull and the edges.
+        Where the points are too many for Qhull and the edges, or the system ended the process.
 
     Examples
     --------
@@ -265,36 +331,98 @@ def delaunay(
             f"at least {_FEWEST}",
             "use the nearest neighbours, " + option_ref("fit", "nearest") + ", or pass the ellipsoids themselves",
         )
-    require_volume(_WHAT, place.points)
+    extents, rounding = thickness(place.points)
+    if blocks is not None:
+        require_volume(_WHAT, place.points)
+    trim = truth("delaunay: trim", trim)
     if blocks is not None:
         renumbered = np.zeros(count, dtype=np.int64)
         renumbered[chosen] = place.number
         blocks = [renumbered[block] for block in blocks]
-    return _fit(place, blocks, count, len(chosen), overlap, lowest, falloff, trim)
+    at, size = scaled(place.points)
+    arrays = {
+        "points": at,
+        "numbers": np.array([overlap, lowest, falloff, rounding / size]),
+        "trim": np.array(trim),
+        "volume": np.array((extents > rounding).all()),
+        **{f"block{number}": block for number, block in enumerate(blocks or ())},
+    }
+    long = len(at) > _SHORT_POINTS if blocks is None else sum(map(len, blocks)) > _SHORT_CELLS
+    made = computed_apart(_WHAT, _shapes, arrays) if long else _shapes(arrays)
+    if "alone" in made:
+        raise complain(
+            f"{_WHAT}: the mesh cannot be used",
+            f"{len(made['alone'])} points at the position of all their neighbours, the first at "
+            + shown_place(place.points[made["alone"][0]]),
+            "cells that have a volume",
+            "leave out " + option_ref("cells") + " for the Delaunay neighbours",
+        )
+    cell_count, trimmed, flat, raised, thin = map(int, made["counts"])
+    if thin:
+        _log.info("%s: the weight sum is below %g at the centres of %d cells and edges", _WHAT, lowest, thin)
+    return Kernels(
+        centers=place.points,
+        scales=made["scales"] * size,
+        values=place.values,
+        rotations=quaternions(made["axes"]),
+        falloff=falloff,
+        report={
+            "points": count,
+            "merged": place.merged,
+            "left_out": count - len(chosen),
+            "cells": cell_count,
+            "trimmed": trimmed,
+            "flat": flat,
+            "raised": raised,
+            "lowest": float(made["lowest"]),
+            "thin": thin,
+        },
+    )
 
 
-def _fit(
-    place: Merged,
-    blocks: list[Numbers] | None,
-    given: int,
-    chosen: int,
-    overlap: float,
-    lowest: float,
-    falloff: float,
-    trim: bool,
-) -> Kernels:
-    count = len(place.points)
-    points, size = scaled(place.points)
-    trimmed = 0
-    spare = np.empty((0, 2), dtype=np.int64)
-    ratio = overlap
-    if blocks is None:
-        simplices, beside, spare = _tetrahedra(points)
-        if truth("delaunay: trim", trim):
-            keep = _trimmed(points, simplices, beside)
-            trimmed = int((~keep).sum())
+def _joined(
+    points: Floats, volume: bool, rounding: float, trim: bool
+) -> tuple[list[Numbers], NDArray[np.bool_], Numbers, int]:
+    """Return tetrahedra and edges, which points have edges in place of tetrahedra, those left out, and what is trimmed.
+
+    Those that Qhull leaves out are pairs of a point and the nearest vertex.
+    """
+    flat = flat_parts(points, rounding) if volume else np.ones(len(points), dtype=bool)
+    cells, spares, trimmed = [np.empty((0, 4), dtype=np.int64)], [np.empty((0, 2), dtype=np.int64)], 0
+    groups = [] if flat.all() else [np.flatnonzero(~flat)]
+    while groups:
+        group = groups.pop()
+        own = points if len(group) == len(points) else scaled(points[group])[0]
+        simplices, beside, spare = _tetrahedra(own)
+        if len(spare) > _MOST_LOST * len(own):
+            part = parts_of(own)
+            if part.any():
+                groups += [group[part == number] for number in range(part.max() + 1)]
+                continue
+        if not 0 < len(simplices) <= _MOST_CELLS * len(own):
+            flat[group] = True
+            continue
+        if trim:
+            keep = _trimmed(own, simplices, beside)
+            trimmed += int((~keep).sum())
             simplices = simplices[keep]
-        blocks = [simplices]
+        cells.append(group[simplices])
+        spares.append(group[spare])
+    blocks = [np.concatenate(cells)] + ([edges_along(points, flat)] if flat.any() else [])
+    return [block for block in blocks if len(block)], flat, np.concatenate(spares), trimmed
+
+
+def _shapes(given: Arrays) -> dict[str, NDArray[Any]]:
+    """Return axes, (N, 3, 3), semi-axes, (N, 3), and numbers of a report for the arrays that `_fit` passes."""
+    points, (overlap, lowest, falloff, rounding), trim = given["points"], given["numbers"], bool(given["trim"])
+    blocks = [block for name, block in given.items() if name.startswith("block")]
+    count = len(points)
+    trimmed = 0
+    flat = np.zeros(count, dtype=bool)
+    spare = np.empty((0, 2), dtype=np.int64)
+    ratio = float(overlap)
+    if not blocks:
+        blocks, flat, spare, trimmed = _joined(points, bool(given["volume"]), rounding, trim)
         ratio *= _RANDOM
     around = Neighbourhoods(blocks, count)
     axes, spread = _moments(points, around)
@@ -302,41 +430,27 @@ def _fit(
     farthest = np.zeros(count)
     np.maximum.at(farthest, around.at, distance)
     scales = ratio * spread
-    # Points that Qhull left out get the shape of the nearest vertex.
-    for array in (axes, scales, farthest):
-        array[spare[:, 0]] = array[spare[:, 1]]
+    if flat.any():
+        scales[flat] = _along(points, spread, distance, around, overlap)[flat]
+    # Points that Qhull left out get the shape of the nearest vertex, and so do stray points.
+    for lone, like in (spare.T, _strays(points, flat & (farthest == 0.0))):
+        for array in (axes, scales, farthest):
+            array[lone] = array[like]
     alone = ~(farthest > 0.0)
     if alone.any():
-        first = place.points[int(np.argmax(alone))]
-        raise complain(
-            f"{_WHAT}: the mesh cannot be used",
-            f"{int(alone.sum())} points at the position of all their neighbours, the first at " + shown_place(first),
-            "cells that have a volume",
-            "leave out " + option_ref("cells") + " for the Delaunay neighbours",
-        )
+        return {"alone": np.flatnonzero(alone)}
     # Kernels of flat neighbourhoods need a thickness.
     limits = overlap * farthest
     scales = np.maximum(scales, 1e-9 * limits[:, None])
     cover = Cover(points, axes, scales, limits, around, falloff)
     for block in blocks:
-        cover.cover(block, lowest)
+        cover.cover(block if block.shape[1] > 2 else triangles_of(block, points), lowest)
     cover.cover(around.edges(), lowest)
-    if cover.thin:
-        _log.info("%s: the weight sum is below %g at the centres of %d cells and edges", _WHAT, lowest, cover.thin)
-    return Kernels(
-        centers=place.points,
-        scales=cover.scales * size,
-        values=place.values,
-        rotations=quaternions(axes),
-        falloff=falloff,
-        report={
-            "points": given,
-            "merged": place.merged,
-            "left_out": given - chosen,
-            "cells": sum(len(block) for block in blocks),
-            "trimmed": trimmed,
-            "raised": int(cover.raised.sum()),
-            "lowest": cover.thinnest,
-            "thin": cover.thin,
-        },
-    )
+    return {
+        "axes": axes,
+        "scales": cover.scales,
+        "lowest": np.array(cover.thinnest),
+        "counts": np.array(
+            [sum(len(b) for b in blocks if b.shape[1] > 2), trimmed, flat.sum(), cover.raised.sum(), cover.thin]
+        ),
+    }

@@ -11,7 +11,7 @@ from sheetsplat import _memory
 from sheetsplat.errors import complain, option_ref
 
 from ._kernels import Floats, Kernels
-from ._points import count_of, merge, places, positive, scalars, scaled
+from ._points import count_of, merge, nearest_neighbours, places, positive, scalars, scaled
 
 _WHAT = "fit.nearest"
 _MOST = 256
@@ -59,8 +59,6 @@ def nearest(
     >>> len(ss.fit.nearest(points, points[:, 2], neighbors=8).centers)
     200
     """
-    from scipy.spatial import cKDTree  # type: ignore[import-untyped]
-
     at = places(_WHAT, points)
     field = scalars(_WHAT, values, "values", len(at))
     count = count_of(_WHAT, "neighbors", neighbors, 1, _MOST)
@@ -78,9 +76,9 @@ def nearest(
         )
     _memory.require(len(place.points) * (16 * (count + 1) + 200), f"the neighbours of {len(place.points)} points")
     near, size = scaled(place.points)
-    distance, _ = cKDTree(near).query(near, k=count + 1)
+    _, distance = nearest_neighbours(near, count)
     # The mean square distance from the centre of a ball of radius r is 3/5 r^2.
-    ball = np.sqrt(5.0 / 3.0 * np.mean(distance[:, 1:] ** 2, axis=1))
+    ball = np.sqrt(5.0 / 3.0 * np.mean(distance**2, axis=1))
     spacing: Floats = ball * (4.0 * math.pi / (3.0 * (count + 1))) ** (1.0 / 3.0) * size
     return Kernels(
         centers=place.points,

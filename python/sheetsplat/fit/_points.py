@@ -19,6 +19,8 @@ from ._kernels import Floats, Numbers
 _log = logging.getLogger("sheetsplat")
 # Largest coordinate; squares and cubes of distances stay finite.
 _FARTHEST = 1e90
+# Points whose neighbours are searched for at a time.
+_PIECE = 1 << 15
 
 
 def numbers(what: str, given: ArrayLike, name: str) -> NDArray[Any]:
@@ -136,6 +138,22 @@ def merge(what: str, points: Floats, values: Floats) -> Merged:
     return Merged(points[kept], mean, number, merged)
 
 
+def nearest_neighbours(points: Floats, most: int, chosen: Numbers | None = None) -> tuple[Numbers, Floats]:
+    """Return the numbers and the distances of at most so many other points nearest to each, (N, k), nearest first.
+
+    `chosen`: of these points only.
+    """
+    from scipy.spatial import cKDTree  # type: ignore[import-untyped]
+
+    tree = cKDTree(points)
+    wanted = min(most, len(points) - 1) + 1
+    # Between the pieces an interrupt is answered.
+    asked = points if chosen is None else points[chosen]
+    pieces = [tree.query(asked[first : first + _PIECE], k=wanted) for first in range(0, len(asked), _PIECE)]
+    distance, number = (np.concatenate([piece[part][:, 1:] for piece in pieces]) for part in (0, 1))
+    return number.astype(np.int64), distance
+
+
 def scaled(points: Floats) -> tuple[Floats, float]:
     """Return coordinates relative to the mean of the points in units of the largest one, and this unit."""
     middle = points.mean(axis=0)
@@ -143,19 +161,26 @@ def scaled(points: Floats) -> tuple[Floats, float]:
     return (points - middle) / size, size
 
 
-def require_volume(what: str, points: Floats) -> None:
-    """Raise InvalidInput for points that lie in a plane or on a line, to within the rounding of their coordinates."""
+def thickness(points: Floats) -> tuple[Floats, float]:
+    """Return the extents of points along their own principal axes, (3,), and the rounding of their coordinates."""
     far = float(np.abs(points).max())
     middle = points - points.mean(axis=0)
     size = float(np.abs(middle).max())
+    single = far < 3e38 and np.array_equal(points.astype(np.float32), points)
+    rounding = far * (2.0**-22 if single else 2.0**-46)
     if size == 0.0:
-        raise complain(f"{what}: the points cannot be used", "points at one position", "points that fill a volume")
+        return np.zeros(3), rounding
     # The triangular factor has the same principal axes; sums of products would lose the thin direction to rounding.
     factor = np.linalg.qr(middle / size, mode="r")
     _, _, axes = np.linalg.svd(factor)
-    spread = np.ptp(middle @ axes.T, axis=0)
-    single = far < 3e38 and np.array_equal(points.astype(np.float32), points)
-    rounding = far * (2.0**-22 if single else 2.0**-46)
+    return np.ptp(middle @ axes.T, axis=0), rounding
+
+
+def require_volume(what: str, points: Floats) -> None:
+    """Raise InvalidInput for points that lie in a plane or on a line, to within the rounding of their coordinates."""
+    spread, rounding = thickness(points)
+    if not spread.any():
+        raise complain(f"{what}: the points cannot be used", "points at one position", "points that fill a volume")
     flat = int((spread <= rounding).sum())
     if flat:
         kind = "in one plane" if flat == 1 else "on one line"
@@ -164,5 +189,5 @@ def require_volume(what: str, points: Floats) -> None:
             f"{len(points)} points {kind}: they extend over {', '.join(f'{part:.3g}' for part in spread)} along their "
             "own axes",
             "points that fill a volume",
-            "put copies of them beside the plane, or use the nearest neighbours, " + option_ref("fit", "nearest"),
+            "pass the points without the mesh, or use the nearest neighbours, " + option_ref("fit", "nearest"),
         )

@@ -199,11 +199,11 @@ def test_info_describes_fields(rng, soup):
     assert report["aspect"]["largest"] == aspects.max() and report["aspect"]["median"] == np.median(aspects)
     json.dumps(report)
     told = {"file": "f", "format": "ellipsoids", "points": 40, "scalar": "a", "scalars": ["a"], "details": {}}
-    text = info._table({**told, **report})
+    text = "\n".join(info._table({**told, **report}))
     for part in ("40 ellipsoids", "semi-axes", "aspect", "weights", "threshold", "histogram", "shown"):
         assert part in text
     spheres = info.describe(ball_of_kernels(rng).with_ghost_points(), 8)
     assert spheres["kind"] == "spheres" and spheres["aspect"]["largest"] == 1
     assert sum(spheres["histogram"]["counts"]) == 400
     nothing = info.describe(ss.EllipsoidField([], [], values=[]), 8)
-    assert nothing["kernels"] == 0 and "0 spheres" in info._table({**told, **nothing})
+    assert nothing["kernels"] == 0 and "0 spheres" in "\n".join(info._table({**told, **nothing}))

@@ -235,6 +235,7 @@ except ChildProcessError:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals are POSIX's")
+@pytest.mark.usefixtures("ctrl_c")
 def test_an_interrupt_ends_a_long_fit_at_once() -> None:
     with subprocess.Popen([sys.executable, "-c", _PROGRAM], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None

@@ -19,7 +19,10 @@ import pytest
 import sheetsplat as ss
 
 pytest.importorskip("aiohttp", reason="aiohttp is not installed")
-pytestmark = pytest.mark.skipif(os.name == "nt", reason="the browser of these tests is a script of a shell")
+pytestmark = [
+    pytest.mark.skipif(os.name == "nt", reason="the browser of these tests is a script of a shell"),
+    pytest.mark.usefixtures("ctrl_c"),
+]
 
 VALUES = np.linspace(0, 1, 64, dtype=np.float32).reshape(4, 4, 4)
 BROWSER = """#!/bin/sh

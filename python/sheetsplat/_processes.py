@@ -13,10 +13,13 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from multiprocessing.resource_tracker import ensure_running
+from typing import Any, TypeVar
 
 from sheetsplat.errors import Error, complain
+
+Result = TypeVar("Result")
 
 _SAFE_PATH = "PYTHONSAFEPATH"
 
@@ -63,17 +66,12 @@ def safe_path() -> Iterator[None]:
             os.environ[_SAFE_PATH] = before
 
 
-@contextlib.contextmanager
-def deaf_children() -> Iterator[None]:
-    """Let processes that begin meanwhile ignore Ctrl-C, where this is the main thread."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
+def deaf(function: Callable[[], Result]) -> Result:
+    """Call a function, in a thread of its own, whose processes and threads do not hear Ctrl-C."""
+    # It would let them hear it again when it starts.
+    ensure_running()
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    return function()
 
 
 def ignore_interrupts() -> None:

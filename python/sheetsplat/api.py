@@ -327,6 +327,9 @@ def prepare(data: Data | Dataset | BccVolume | Scene | Opened, **options: Unpack
     check_names("render", options, RenderOptions)
     picture = filled(RenderOptions, options)
     size = image_size(picture["size"])
+    # Data in bricks are looked at by its workers before they are drawn.
+    client = cluster_of("render: client", picture["client"])
+    look_after("render", client, picture["worker_timeout"])
     renderer: Renderer | None = picture["renderer"]
     if renderer is not None:
         instance("render: renderer", renderer, Renderer)
@@ -346,8 +349,6 @@ def prepare(data: Data | Dataset | BccVolume | Scene | Opened, **options: Unpack
     scene = quality.finished(scene, camera, size)
     if renderer is None:
         renderer = Renderer(**pick(RendererOptions, options))
-    client = cluster_of("render: client", picture["client"])
-    look_after("render", client, picture["worker_timeout"])
     return Prepared(scene, camera, size, renderer, outputs, picture["progress"], picture["depth_limit"], client)
 
 

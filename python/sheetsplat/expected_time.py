@@ -102,7 +102,9 @@ def expected_time(
     fewer = "draw fewer pixels, or use a larger " + option_ref("slice_spacing")
     if largest == kernels:
         each = max(1.0, pixels / max(sections, 1.0))
-        cause = f"{sections:.2g} sections of kernels, {each:.2g} pixels each; " + fewer
+        if any(isinstance(one, RegularField) and one.radius > 2.0 for one in scene.fields):
+            fewer = "use a smaller " + option_ref("radius") + ", or " + fewer
+        cause = f"{sections:.2g} times a slice cuts a kernel, {each:.2g} pixels each; " + fewer
     elif largest == summed:
         cause = f"{slices} slices of {screen.size[0]} x {screen.size[1]} pixels; " + fewer
     else:
@@ -219,9 +221,13 @@ def _share(field: Field, scene: Scene, function: TransferFunction, screen: _Scre
     reach = np.indices((5, 5, 5)).reshape(3, -1) - 2
     near = tuple(np.clip(place + step, 0, n - 1) for place, step, n in zip(places, reach, shape, strict=True))
     around = field.values[near].astype(np.float64)
+    # Nothing is known of a sum but that it lies between its values and the base.
+    least, most = np.fmin(around.min(axis=1), field.base), np.fmax(around.max(axis=1), field.base)
     if scene.mode == "composite":
-        return float((seen & (function.at(around)[..., 3] > 0.0).any(axis=1)).mean())
-    least, most = around.min(axis=1), around.max(axis=1)
+        points = function.points
+        opaque = (points[:, 0] >= least[:, None]) & (points[:, 0] <= most[:, None]) & (points[:, 4] > 0.0)
+        ends = function.at(np.stack([least, most], axis=1))[..., 3] > 0.0
+        return float((seen & (opaque.any(axis=1) | ends.any(axis=1))).mean())
     values = np.unique([value for surfaces in scene.surfaces for value in np.atleast_1d(surfaces)])
     crossed = np.any((least[:, None] < values) & (most[:, None] >= values), axis=1)
     return float((seen & crossed).mean())

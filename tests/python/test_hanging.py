@@ -235,7 +235,8 @@ def test_an_encoder_that_hangs_is_given_up(samples, tmp_path):
     film = ss.turntable(samples, frames=40, size=160, quality="draft", backend="cpu")
 
     def hang():
-        while not (found := children(os.getpid(), "ffmpeg")):
+        # Not the program that only tells its version.
+        while not (found := children(os.getpid(), "rawvideo")):
             time.sleep(0.01)
         os.kill(found[0], signal.SIGSTOP)
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 import resource
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -113,6 +115,33 @@ SMALL = ["--size", "24", "--quality", "draft", "--backend", "cpu"]
 def run(folder, name, **options):
     command = [sys.executable, "-m", "sheetsplat", *COMMANDS[name], *SMALL]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, **options)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_folder_that_another_user_made_is_not_used(name, tmp_path, monkeypatch):
+    """Dask's own place for what it writes has a name that everybody knows, in a folder that everybody can write."""
+    pytest.importorskip("distributed")
+    np.save(tmp_path / "v.npy", np.random.default_rng(0).random((20, 20, 20), np.float32))
+    victim, own = tmp_path / "victim", tmp_path / "everybody"
+    victim.write_text("mine")
+    (own / "dask-scratch-space").mkdir(parents=True)
+    (own / "dask-scratch-space" / "global.lock").symlink_to(victim)
+    monkeypatch.setenv("TMPDIR", str(own))
+    assert run(tmp_path, name).returncode == 0
+    assert victim.read_text() == "mine"
+    assert sorted(one.name for one in (own / "dask-scratch-space").iterdir()) == ["global.lock"]
+    assert not [one for one in own.iterdir() if one.name.startswith("sheetsplat-")]
+
+
+def test_processes_that_hang_while_they_start_are_given_up():
+    from sheetsplat.cli import cluster as module
+
+    began = time.monotonic()
+    with pytest.raises(TimeoutError, match="ready within 0.2 s"):
+        module._launched(lambda: time.sleep(20), 0.2)
+    assert time.monotonic() - began < 10.0
+    assert module._launched(lambda: signal.pthread_sigmask(signal.SIG_BLOCK, []), 20.0) == {signal.SIGINT}
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import logging
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,14 +15,15 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from sheetsplat._processes import deaf_children, require_files, safe_path
+from sheetsplat._processes import deaf, require_files, safe_path
+from sheetsplat._waiting import begun, wait
 from sheetsplat.cli.help import GroupedOption
 from sheetsplat.cli.options import apply, options_of
 from sheetsplat.options.bricks import BrickOptions
 from sheetsplat.options.core import definitions
 from sheetsplat.options.data import OpenOptions
 from sheetsplat.options.film import MOST_WORKERS
-from sheetsplat.options.workers import WorkerOptions
+from sheetsplat.options.workers import WORKER_TIMEOUT, WorkerOptions
 
 if TYPE_CHECKING:
     from sheetsplat.fields import BrickedField, BrickedKernels
@@ -97,10 +100,11 @@ def connected(address: str | None) -> Iterator[Any]:
 
 
 @contextlib.contextmanager
-def started(count: int) -> Iterator[Any]:
+def started(count: int, timeout: float | None = None) -> Iterator[Any]:
     """Yield a client of so many processes, one thread each, that share the memory of this machine.
 
-    Only who has the keys, which are made anew and are nowhere but in these processes, can connect to them.
+    Only who has the keys, which are made anew and are nowhere but in these processes, can connect to them. `timeout`:
+    seconds until they must be ready.
     """
     from sheetsplat import _memory
     from sheetsplat.errors import Error, complain, missing_package
@@ -115,31 +119,53 @@ def started(count: int) -> Iterator[Any]:
     start: Any = LocalCluster
     connect: Any = Client
     with contextlib.ExitStack() as ends:
-        ends.enter_context(dask.config.set(_SETTINGS))
+        # What Dask writes, spilled results and locks, is read again as it is: a folder that nobody else can change.
+        folder = ends.enter_context(tempfile.TemporaryDirectory(prefix="sheetsplat-"))
+        ends.enter_context(dask.config.set({**_SETTINGS, "temporary-directory": folder}))
         ends.enter_context(safe_path())
+        launch = functools.partial(
+            start,
+            n_workers=count,
+            threads_per_worker=1,
+            processes=True,
+            security=True,
+            local_directory=folder,
+            memory_limit=_memory.available() // (count + 1),
+            # Any free port of this machine: distributed warns where the usual one is taken, dashboard or not.
+            dashboard_address="127.0.0.1:0",
+            scheduler_kwargs={"dashboard": False},
+            # What processes say of a brick that cannot be read comes as the error of the command.
+            silence_logs=logging.ERROR if _log.isEnabledFor(logging.INFO) else logging.CRITICAL,
+        )
         try:
-            with deaf_children():
-                # What a worker has no memory for it reads again as pickles: a folder that nobody else can change.
-                folder = ends.enter_context(tempfile.TemporaryDirectory(prefix="sheetsplat-"))
-                cluster = start(
-                    n_workers=count,
-                    threads_per_worker=1,
-                    processes=True,
-                    security=True,
-                    local_directory=folder,
-                    memory_limit=_memory.available() // (count + 1),
-                    # Any free port of this machine: distributed warns where the usual one is taken, dashboard or not.
-                    dashboard_address="127.0.0.1:0",
-                    scheduler_kwargs={"dashboard": False},
-                    # What processes say of a brick that cannot be read comes as the error of the command.
-                    silence_logs=logging.ERROR if _log.isEnabledFor(logging.INFO) else logging.CRITICAL,
-                )
+            cluster = _launched(launch, WORKER_TIMEOUT if timeout is None else timeout)
         except (OSError, RuntimeError, TimeoutError) as error:
             raise complain(
                 "processes that draw bricks cannot be started", str(error), f"{count}", kind=Error
             ) from error
         ends.enter_context(cluster)
         yield ends.enter_context(connect(cluster))
+
+
+def _launched(launch: Callable[[], Any], timeout: float) -> Any:
+    """Return what starts processes, in a thread: this one answers Ctrl-C meanwhile, and gives up after a time."""
+    from multiprocessing import active_children
+
+    until = time.monotonic() + timeout
+
+    def look() -> None:
+        if time.monotonic() > until:
+            raise TimeoutError(f"no process that was ready within {timeout:g} s (--worker-timeout)")
+
+    future = begun(lambda: deaf(launch))
+    try:
+        wait(future, look)
+    except BaseException:
+        # They may hang, and the end of this process would wait for them.
+        for child in active_children():
+            child.kill()
+        raise
+    return future.result()
 
 
 @dataclass(frozen=True)
@@ -205,6 +231,6 @@ def in_bricks(options: Mapping[str, Any], *, by_workers: bool = True) -> Iterato
 
     cut = {name: options[name] for name in definitions(BrickOptions)}
     workers, scheduler = options["workers"], options["scheduler"]
-    with started(workers) if workers is not None else connected(scheduler) as client:
+    with started(workers, options["worker_timeout"]) if workers is not None else connected(scheduler) as client:
         look_after("open_bricks", client, options["worker_timeout"])
         yield Bricks(cut, client)

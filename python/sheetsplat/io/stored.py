@@ -28,7 +28,7 @@ _LOCAL_CALL = 1 << 15
 
 def changed(path: Path | str) -> Error:
     """Return the error for a file that is not as it was when it was opened."""
-    return complain(f"{path} cannot be read", "a file that was changed", "the file as it was opened")
+    return complain(f"{path} cannot be read", "a file that was changed", "the file as it was opened", "open it again")
 
 
 def fetch_of(file: int, path: Path) -> Fetch:

@@ -31,6 +31,8 @@ _OPAQUE = -math.log(1e-3)
 _BLOCK = 512
 # Samples of all rays, a slice distance apart, beyond which there are fewer rays: some seconds.
 _MOST_SAMPLES = 1 << 21
+# Kernels that are summed at all of them: some seconds too.
+_MOST_SUMMED = 1 << 28
 # As in the engine (cpp/src/facts/frame.cpp).
 _MOST_SLICES = 1e7
 # What pictures of twelve measured volumes estimate, over what the rays do (docs/quality.md): the finest samples of the
@@ -105,7 +107,10 @@ def slicing_error(scene: Scene, camera: Camera, size: tuple[int, int], distance:
     boxes = [one.bounds for one in fields]
     rays = _rays(camera, size)
     lengths = sum(np.maximum(last - first, 0.0).sum() for first, last in map(rays.inside, boxes))
-    rays = rays[:: max(1, math.ceil(lengths / (distance * _MOST_SAMPLES)))]
+    # What has large kernels is smooth.
+    kernels = sum(one.kernels_at_a_point if isinstance(one, RegularField) else 0.0 for one in fields)
+    most = min(_MOST_SAMPLES, _MOST_SUMMED / max(kernels, 1.0))
+    rays = rays[:: max(1, math.ceil(lengths / (distance * most)))]
     intervals = [rays.inside(box) for box in boxes]
     nearest, farthest = _depth_range(joined_bounds(boxes), camera)
     nearest = max(nearest, rays.near)

@@ -30,10 +30,14 @@ if(NOT HIGHWAY_INCLUDE_DIR)
 endif()
 add_library(sheetsplat_highway INTERFACE)
 target_include_directories(sheetsplat_highway SYSTEM INTERFACE ${HIGHWAY_INCLUDE_DIR})
-# Four sets on x86: those between them differ in instructions that are not used here, and each costs time to compile.
-# NEON on ARM: vectors of SVE and RVV have no size, and cannot be members.
-target_compile_definitions(sheetsplat_highway INTERFACE
-  "HWY_DISABLED_TARGETS=(HWY_SSSE3|HWY_AVX3_DL|HWY_SVE|HWY_SVE2|HWY_SVE_256|HWY_SVE2_128|HWY_RVV)")
+# Sets that differ from others in instructions that are not used here, and vectors of SVE and RVV, which have no size and
+# cannot be members, are left out; SSE4 is there without those for cryptography.
+target_compile_definitions(sheetsplat_highway INTERFACE HWY_DISABLE_PCLMUL_AES
+  "SHEETSPLAT_DISABLED_TARGETS=HWY_SSSE3|HWY_AVX3_DL|HWY_SVE|HWY_SVE2|HWY_SVE_256|HWY_SVE2_128|HWY_RVV"
+  "HWY_DISABLED_TARGETS=(SHEETSPLAT_DISABLED_TARGETS${sheetsplat_other_sets})")
+foreach(set ${sheetsplat_cpu_sets})
+  target_compile_definitions(sheetsplat_highway INTERFACE SHEETSPLAT_HAS_${set})
+endforeach()
 if(SHEETSPLAT_SANITIZE)
   # Debug checks of the headers call into the library.
   find_library(HIGHWAY_LIBRARY hwy)

@@ -128,7 +128,7 @@ std::size_t bytes_of(const LightVolumes& volumes) {
 }
 
 /// (planes, rows, columns) of each grid.
-std::vector<std::tuple<int, int, int>> shapes_of(const LightPlan& plan) {
+std::vector<std::tuple<int, int, int>> grid_shapes_of(const LightPlan& plan) {
     std::vector<std::tuple<int, int, int>> shapes;
     for (const LightGrid& grid : plan.grids) {
         const auto [columns, rows, planes] = grid.counts(plan.surfaces);
@@ -150,7 +150,7 @@ double step_of(const LightPlan& plan) {
 
 void register_light(py::module_& module) {
     py::class_<LightPlan>(module, "LightPlan")
-        .def_property_readonly("shapes", &shapes_of)
+        .def_property_readonly("shapes", &grid_shapes_of)
         .def_property_readonly("step", &step_of)
         .def(py::pickle([](const LightPlan& plan) { return state_of(plan); }, &plan_of));
     py::class_<LightVolumes, std::shared_ptr<LightVolumes>>(module, "LightVolumes")

@@ -23,8 +23,7 @@ namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// Of a lambda: inlined wherever it is called, so that loops stay in registers, and arithmetic is fused in one way
-/// alone.
+/// Of a lambda: inlined wherever it is called, so that loops stay in registers.
 #define SHEETSPLAT_CPU_INLINE __attribute__((always_inline))
 
 /// What the functions know about a number format: polynomials (constant term first) and layout.

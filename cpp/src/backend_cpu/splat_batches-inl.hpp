@@ -143,7 +143,7 @@ class SphereBatch {
 /// As add_spheres, of kernels one after the other. Calls draw_again(last slice, number) for each that is drawn or only
 /// met later. Returns how many sections were drawn.
 template <Sums sums, class T, bool slopes, class DrawAgain>
-HWY_INLINE int add_sphere_batch(Splat<T, slopes>& splat, SphereBatch<T, slopes>& batch, const Section<T>* sections,
+HWY_NOINLINE int add_sphere_batch(Splat<T, slopes>& splat, SphereBatch<T, slopes>& batch, const Section<T>* sections,
                                 int number, T weight, const DrawAgain& draw_again) {
     batch.template measure<sums>(sections, number, splat, weight);
     int drawn = 0;

@@ -179,7 +179,7 @@ HWY_INLINE V exp2_any(D d, V x) {
 }
 
 template <Sums sums, class D, class T, bool slopes>
-HWY_INLINE void walk(D d, const Splat<T, slopes>& splat, const Target<T>& to, const RowShape<T>& shape,
+HWY_NOINLINE void walk(D d, const Splat<T, slopes>& splat, const Target<T>& to, const RowShape<T>& shape,
                      const Ellipses<T>& e, int slice, T value_t, T weight_t, int x0, int x1, int y0, int y1) {
     const int lanes = static_cast<int>(hn::Lanes(d));
     const int start = start_of<T>(x0, x1, lanes);
@@ -279,7 +279,7 @@ HWY_INLINE void walk(D d, const Splat<T, slopes>& splat, const Target<T>& to, co
 }
 
 template <Sums sums, class D, class T, bool slopes>
-HWY_INLINE void evaluate_rows(D d, const Splat<T, slopes>& splat, const Target<T>& to, const RowShape<T>& shape,
+HWY_NOINLINE void evaluate_rows(D d, const Splat<T, slopes>& splat, const Target<T>& to, const RowShape<T>& shape,
                               const Ellipses<T>& e, int slice, T value_t, T weight_t, int x0, int x1, int y0, int y1) {
     const int lanes = static_cast<int>(hn::Lanes(d));
     const T X = shape.X * e.scale[slice], Y1 = shape.Y1 * e.scale[slice], Y2 = shape.Y2 * e.scale[slice];
@@ -322,7 +322,7 @@ HWY_INLINE void evaluate_rows(D d, const Splat<T, slopes>& splat, const Target<T
 /// start where the column is brightest, and anew every few rows, so that errors do not grow. Where the ellipse is
 /// so thin that a vector spans powers of two beyond the format, rows are evaluated one by one.
 template <Sums sums, class T, bool slopes>
-HWY_INLINE int add_ellipses(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
+HWY_NOINLINE int add_ellipses(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
                             int count) {
     Ellipses<T> e;
     measure(splat, section, shape, count, e);

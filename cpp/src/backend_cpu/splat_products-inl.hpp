@@ -392,7 +392,7 @@ HWY_INLINE void find_places(const ProductBox<T>& at, const Section<T>& section, 
 
 /// Adds the slices from n on, `count` of them, of a kernel whose factors are known.
 template <Sums sums, class T, bool slopes>
-HWY_INLINE void add_product(const ProductBox<T>& at, const Bells<T>& bells, Splat<T, slopes>& splat, T value, T weight,
+HWY_NOINLINE void add_product(const ProductBox<T>& at, const Bells<T>& bells, Splat<T, slopes>& splat, T value, T weight,
                             const ProductView<T>& view, int count) {
     const Rect& box = at.box;
     splat.through[count - 1].add(box);
@@ -416,7 +416,7 @@ HWY_INLINE void add_product(const ProductBox<T>& at, const Bells<T>& bells, Spla
 
 /// Adds the slices from n on, `count` of them, of a kernel.
 template <Sums sums, class T, bool slopes>
-HWY_INLINE int add_one_product(const ProductBox<T>& at, Splat<T, slopes>& splat, const Section<T>& section, T weight,
+HWY_NOINLINE int add_one_product(const ProductBox<T>& at, Splat<T, slopes>& splat, const Section<T>& section, T weight,
                                const ProductView<T>& view, int count) {
     static_assert(!slopes, "derivatives are not products");
     ProductPlaces<T> first, more;
@@ -510,7 +510,7 @@ class ProductBatch {
 /// Draws the kernel of each number on slice n and those behind it. Calls draw_again(last slice, number) for each that
 /// is drawn or only met later. Returns how many sections were drawn.
 template <Sums sums, class T, bool slopes, class DrawAgain>
-HWY_INLINE int add_product_batch(Splat<T, slopes>& splat, ProductBatch<T>& batch, const ProductView<T>& view,
+HWY_NOINLINE int add_product_batch(Splat<T, slopes>& splat, ProductBatch<T>& batch, const ProductView<T>& view,
                                  const Section<T>* sections, const std::uint32_t* numbers, int number, T weight,
                                  const DrawAgain& draw_again) {
     constexpr int room = ProductBatch<T>::room;

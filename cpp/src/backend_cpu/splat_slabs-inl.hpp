@@ -418,7 +418,7 @@ HWY_INLINE int ray_slabs(D d, Splat<T, slopes>& splat, const SlabKernel<T>& kern
 }
 
 template <Sums sums, class T, bool slopes>
-HWY_INLINE int add_ray_slabs(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
+HWY_NOINLINE int add_ray_slabs(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
                              int count, const Rect& box) {
     if (!splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
         return 0;
@@ -546,7 +546,7 @@ HWY_INLINE void upright_slabs(D d, const Splat<T, slopes>& splat, const SlabKern
 /// Kernels whose sections are upright ellipses in one place, in orthographic views: the profile is a product, and what
 /// depends on depth is the same for all pixels whose rays stay inside the kernel.
 template <Sums sums, class T, bool slopes>
-HWY_INLINE int add_upright_slabs(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
+HWY_NOINLINE int add_upright_slabs(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
                                  int count, const Rect& box) {
     if (!splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
         return 0;

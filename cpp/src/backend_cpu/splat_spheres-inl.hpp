@@ -147,7 +147,7 @@ HWY_INLINE void separable_slopes(D d, const Target<T>* to, const T* bell_x, cons
 
 /// One Gaussian along each of x, y and depth serves all sections of a kernel.
 template <Sums sums, class T, bool slopes>
-HWY_INLINE int add_spheres(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
+HWY_NOINLINE int add_spheres(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
                            T per_X, int count) {
     const T per_Y = T(1) / std::abs(shape.Y2);
     const T middle_x = -section.a1 * per_X, middle_y = shape.Y2 < T(0) ? section.a2 * per_Y : -section.a2 * per_Y;

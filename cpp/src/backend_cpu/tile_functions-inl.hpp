@@ -1,4 +1,4 @@
-// What tile_float.cpp and tile_double.cpp compile once for each instruction set, and how one is chosen.
+// What is compiled for each number type and instruction set.
 
 #include "feed_kernels-inl.hpp"
 #include "feed_rows-inl.hpp"
@@ -33,37 +33,3 @@ const TileFunctions<T>* functions() {
 HWY_AFTER_NAMESPACE();
 
 #endif // SHEETSPLAT_CPU_TILE_FUNCTIONS_INL
-
-#if HWY_ONCE
-
-namespace sheetsplat::backend_cpu {
-
-template <class T>
-const TileFunctions<T>* tile_functions(InstructionSet set) {
-    switch (set) {
-    case InstructionSet::baseline:
-        return HWY_STATIC_DISPATCH(functions<T>)();
-#if HWY_TARGETS & HWY_SSE4
-    case InstructionSet::sse4:
-        return N_SSE4::functions<T>();
-#endif
-#if HWY_TARGETS & HWY_AVX2
-    case InstructionSet::avx2:
-        return N_AVX2::functions<T>();
-#endif
-#if HWY_TARGETS & HWY_AVX3
-    case InstructionSet::avx512:
-        return N_AVX3::functions<T>();
-#endif
-#if HWY_TARGETS & HWY_NEON
-    case InstructionSet::neon:
-        return N_NEON::functions<T>();
-#endif
-    default:
-        return nullptr;
-    }
-}
-
-} // namespace sheetsplat::backend_cpu
-
-#endif

@@ -2,9 +2,10 @@
 // distributed for static linking everywhere; its headers need none of it.
 #include "base/instruction_set.hpp"
 
+#include <algorithm>
 #include <atomic>
+#include <iterator>
 
-#include "hwy/detect_targets.h"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat {
@@ -35,25 +36,24 @@ bool runs_here(InstructionSet set) {
     }
 }
 
-/// Whether Highway compiles vector code for the set.
-constexpr bool is_compiled(InstructionSet set) {
-    switch (set) {
-    case InstructionSet::sse4:
-        return (HWY_TARGETS & HWY_SSE4) != 0;
-    case InstructionSet::avx2:
-        return (HWY_TARGETS & HWY_AVX2) != 0;
-    case InstructionSet::avx512:
-        return (HWY_TARGETS & HWY_AVX3) != 0;
-    case InstructionSet::neon:
-        return (HWY_TARGETS & HWY_NEON) != 0;
-    default:
-        return true;
-    }
-}
-
-/// The best one first.
-constexpr InstructionSet all_sets[] = {InstructionSet::avx512, InstructionSet::avx2, InstructionSet::sse4,
-                                       InstructionSet::neon, InstructionSet::baseline};
+/// Those that are compiled, the best one first.
+constexpr InstructionSet compiled[] = {
+#ifdef SHEETSPLAT_HAS_AVX512
+    InstructionSet::avx512,
+#endif
+#ifdef SHEETSPLAT_HAS_AVX2
+    InstructionSet::avx2,
+#endif
+#ifdef SHEETSPLAT_HAS_SSE4
+    InstructionSet::sse4,
+#endif
+#ifdef SHEETSPLAT_HAS_NEON
+    InstructionSet::neon,
+#endif
+#ifdef SHEETSPLAT_HAS_BASELINE
+    InstructionSet::baseline,
+#endif
+};
 
 std::atomic<int> forced{-1};
 
@@ -76,10 +76,12 @@ const char* to_string(InstructionSet set) {
 
 std::vector<InstructionSet> usable_instruction_sets() {
     std::vector<InstructionSet> found;
-    for (const InstructionSet set : all_sets) {
-        if (is_compiled(set) && runs_here(set)) {
-            found.push_back(set);
-        }
+    std::copy_if(std::begin(compiled), std::end(compiled), std::back_inserter(found), runs_here);
+    if (found.empty()) {
+        throw Unsupported(Complaint{"this processor cannot be used",
+                                    std::string("none of the instruction sets of this build, the least of which is ") +
+                                        to_string(*std::rbegin(compiled)),
+                                    "a processor that has one", "build the package here"});
     }
     return found;
 }
@@ -92,7 +94,10 @@ InstructionSet chosen_instruction_set() {
 
 std::string instruction_set() {
     const InstructionSet set = chosen_instruction_set();
-    const int lanes = set == InstructionSet::avx512 ? 16 : set == InstructionSet::avx2 ? 8 : 4;
+    const int lanes = set == InstructionSet::avx512     ? 16
+                      : set == InstructionSet::avx2     ? 8
+                      : set == InstructionSet::baseline ? 1
+                                                        : 4;
     return std::string(to_string(set)) + ", " + std::to_string(lanes) + " lanes";
 }
 

@@ -180,7 +180,11 @@ struct TileFunctions {
                   TilePicture<T>& picture);
 };
 
-/// Null where the set was not compiled.
+/// Those of a set that is compiled; each is defined in a source of its own.
+template <class T, InstructionSet Set>
+const TileFunctions<T>* tile_functions_of();
+
+/// Null where the set is not compiled.
 template <class T>
 const TileFunctions<T>* tile_functions(InstructionSet set);
 extern template const TileFunctions<float>* tile_functions<float>(InstructionSet set);

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import sheetsplat as ss
-from sheetsplat.scene_file.positions import depth
+from sheetsplat.describe.toml import depth
 
 MIB = 1 << 20
 

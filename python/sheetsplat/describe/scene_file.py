@@ -3,55 +3,82 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, Unpack
 
 from sheetsplat import _sheetsplat, api
 from sheetsplat._checks import file_path, shown
 from sheetsplat.camera import Camera
+from sheetsplat.describe.recipe import FieldRecipe, Recipe, field_recipe_of
+from sheetsplat.describe.schema import (
+    DEEPEST,
+    LONGEST,
+    camera_of,
+    check_keys,
+    class_of,
+    eye_parts,
+    fits,
+    plain,
+    tuples,
+    value_of,
+)
+from sheetsplat.describe.toml import Place, depth, document, lines_of_keys
 from sheetsplat.errors import Error, complain, unusable
 from sheetsplat.fields import Field
 from sheetsplat.image import Image
 from sheetsplat.io.pictures import whole_file
 from sheetsplat.options.camera import CameraOptions
-from sheetsplat.options.core import check_names, definitions
+from sheetsplat.options.core import Option, check_names, definitions, pick_given
 from sheetsplat.options.data import OpenOptions
-from sheetsplat.options.picture import RenderOptions
+from sheetsplat.options.look import TransferOptions
+from sheetsplat.options.picture import RenderOptions, SizeOptions
+from sheetsplat.options.quality import QualityOptions
 from sheetsplat.options.renderer import RendererClassOptions
-from sheetsplat.options.scene import SceneOptions
-from sheetsplat.plain_values import class_of, tuples
-from sheetsplat.recipe import LONGEST, FieldRecipe, Recipe, field_recipe_of
+from sheetsplat.options.scene import EffectOptions, LightOptions, ModeOptions, SamplingOptions, SceneOptions
+from sheetsplat.options.values import Whole
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
-from sheetsplat.scene_file.positions import Place, depth, lines_of_keys
-from sheetsplat.scene_file.sections import SECTIONS, camera_of, check_keys, options_of, value_of
-from sheetsplat.scene_file.tables import camera_table, changed, checked, data_table, one_or_all, plain, without_none
-from sheetsplat.scene_file.toml import document
 from sheetsplat.transfer import TransferFunction
 
 #: Version of the format.
 FORMAT = 1
 #: How names of scene files end.
 SUFFIX = ".toml"
+#: The groups of options of each section, in the order of a file.
+SECTIONS: dict[str, tuple[type, ...]] = {
+    "picture": (QualityOptions, SizeOptions),
+    "data": (OpenOptions,),
+    "look": (ModeOptions, TransferOptions, SamplingOptions, EffectOptions),
+    "light": (LightOptions,),
+    "camera": (CameraOptions,),
+    "renderer": (RendererClassOptions,),
+}
 _COMMENT = "# A scene of sheetsplat: `sheetsplat render FILE.toml -o picture.png` makes the picture.\n\n"
-# Scene files nest five deep.
-_DEEPEST = 32
 _TOP = ("format", "version", "exact", *SECTIONS)
 # What a file says of its data beside the options of `open`; all but the first in exact scenes only.
 _OF_EXACT_DATA = ("kind", "group", "trim", "ghost_points")
 _OF_DATA = ("file", *_OF_EXACT_DATA)
 # What a camera with an eye has beside the options of cameras that are fitted.
-_OF_EYE = ("eye", "height", "near")
+_OF_EYE = ("eye", "height", "near", "shift")
 _MORE_KEYS = {"data": _OF_DATA, "camera": _OF_EYE}
 # Arguments of `render` that are neither data nor scene.
 _OF_PICTURE = ("quality", "size", "camera", "outputs", "progress", "depth_limit", *definitions(CameraOptions))
 # Options of the look of which one replaces the others.
 _COLOURS = ("cmap", "opacity", "clim")
 Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
+
+
+@cache
+def options_of(section: str) -> dict[str, Option]:
+    """Return the options of a section by name; of data without the quality, which is one for all of a picture."""
+    found = {name: one for group in SECTIONS[section] for name, one in definitions(group).items()}
+    return {name: one for name, one in found.items() if (section, name) != ("data", "quality")}
 
 
 class SceneFile:
@@ -129,8 +156,8 @@ class SceneFile:
 
         Raises InvalidInput as `read`.
         """
-        if (found := depth(text)) > _DEEPEST:
-            raise complain(f"{name} cannot be read", f"tables or arrays nested {found} deep", f"at most {_DEEPEST}")
+        if (found := depth(text)) > DEEPEST:
+            raise complain(f"{name} cannot be read", f"tables or arrays nested {found} deep", f"at most {DEEPEST}")
         try:
             tables = tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
@@ -156,26 +183,24 @@ class SceneFile:
         recipe = picture.recipe if isinstance(picture, Image) else picture
         # The description in a PNG has plain values only.
         told = json.loads(recipe.to_json())
-        paths = _paths(data)
-        if paths and len(paths) != len(recipe.fields):
-            found = f"{len(paths)} files for a picture of {len(recipe.fields)} fields"
+        paths, made, functions = _paths(data), told["fields"], told["transfer_functions"]
+        if paths and len(paths) != len(made):
+            found = f"{len(paths)} files for a picture of {len(made)} fields"
             raise complain("the scene cannot be written", found, "one for each field")
-        scene = {"transfer_function": one_or_all(told["transfer_functions"]), **told["scene"]}
-        tables: dict[str, Any] = {"format": FORMAT, "version": told["version"], "exact": True}
-        tables["picture"] = {"size": told["size"]}
-        groups = [number for number, count in enumerate(told["groups"]) for _ in range(count)]
-        tables["data"] = [
-            data_table(one, group if len(told["fields"]) > 1 else None)
-            for one, group in zip(told["fields"], groups, strict=True)
-        ]
-        for table, path in zip(tables["data"], paths, strict=False):
-            table["file"] = os.fspath(path)
-        for section in ("look", "light"):
-            known = options_of(section)
-            tables[section] = changed(known, {name: scene[name] for name in known if name in scene})
-        tables["camera"] = camera_table(recipe.camera)
-        tables["renderer"] = changed(options_of("renderer"), told["renderer"])
-        return cls(without_none(tables))
+        told["scene"]["transfer_function"] = functions if len(functions) > 1 else functions[0]
+        groups = [number if len(made) > 1 else None for number, count in enumerate(recipe.groups) for _ in range(count)]
+        tables = {
+            "format": FORMAT,
+            "version": told["version"],
+            "exact": True,
+            "picture": {"size": told["size"]},
+            "data": list(map(_data_table, made, groups, paths or itertools.repeat(None))),
+            "look": _changed("look", told["scene"]),
+            "light": _changed("light", told["scene"]),
+            "camera": _camera_table(recipe.camera),
+            "renderer": _changed("renderer", told["renderer"]),
+        }
+        return cls(_without_none(tables))
 
     @classmethod
     def of_options(cls, data: Paths = (), **options: Unpack[RenderOptions]) -> SceneFile:
@@ -194,24 +219,25 @@ class SceneFile:
             For options and values that a file cannot hold.
         """
         check_names("SceneFile.of_options", options, RenderOptions)
-        given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
+        given: dict[str, Any] = {
+            name: os.fspath(value) if isinstance(value, os.PathLike) else value
+            for name, value in options.items()
+            if value is not None
+        }
         tables: dict[str, Any] = {"format": FORMAT, "version": _sheetsplat.__version__}
-        renderer = given.pop("renderer", None)
+        renderer, camera = given.pop("renderer", None), given.pop("camera", None)
         if isinstance(renderer, Renderer):
             known = options_of("renderer")
             given |= {name: value for name, value in renderer.settings.items() if value != known[name].default}
-        camera = given.pop("camera", None)
         for section in SECTIONS:
-            tables[section] = {name: plain(name, given.pop(name)) for name in options_of(section) if name in given}
+            tables[section] = {name: plain(given.pop(name), name) for name in options_of(section) if name in given}
         if isinstance(camera, Camera):
-            tables["camera"] = camera_table(camera)
+            tables["camera"] = _camera_table(camera)
         for name in given:
             raise complain("the scene cannot be written", f"{name}, which is no part of a scene", option=name)
-        paths = _paths(data)
-        tables["data"] = [tables["data"] | {"file": os.fspath(path)} for path in paths] or tables["data"]
-        if len(paths) == 1:
-            (tables["data"],) = tables["data"]
-        return cls(without_none(tables))
+        paths = [tables["data"] | {"file": os.fspath(path)} for path in _paths(data)]
+        tables["data"] = paths[0] if len(paths) == 1 else paths or tables["data"]
+        return cls(_without_none(tables))
 
     # ------------------------------------------------------------------------------------------------------ checking
 
@@ -246,61 +272,60 @@ class SceneFile:
                 found = "nothing" if form is None else shown(form)
                 advice = f"write format = {FORMAT}" if form is None else "use the version of sheetsplat that wrote it"
                 raise complain(unusable("format"), found, str(FORMAT), advice)
-        for name, kind in (("exact", bool), ("version", str)):
+        for name, kind, wanted in (("exact", bool, "true or false"), ("version", str, "a text")):
             with self._checking(name):
                 if not isinstance(tables.get(name, kind()), kind):
-                    raise complain(unusable(name), shown(tables[name]), "true or false" if kind is bool else "a text")
+                    raise complain(unusable(name), shown(tables[name]), wanted)
         for section in SECTIONS:
-            self._check_section(section)
+            table = tables.get(section, {})
+            if section == "data" and isinstance(table, list):
+                for number, one in enumerate(table):
+                    self._check_section(one, section, number)
+            else:
+                self._check_section(table, section)
 
-    def _check_section(self, section: str) -> None:
-        table = self._tables.get(section, {})
-        several = section == "data" and isinstance(table, list)
-        for number, one in enumerate(table if several else [table]):
-            place: Place = (section, number) if several else (section,)
-            with self._checking(*place):
-                if not isinstance(one, dict):
-                    raise complain(unusable(section), shown(one), f"a table [{section}]")
-                check_keys(one, [*_MORE_KEYS.get(section, ()), *options_of(section)], f"[{section}]")
-            for name, value in one.items():
-                with self._checking(*place, name):
+    def _check_section(self, table: Any, section: str, *number: int) -> None:
+        place: Place = (section, *number)
+        with self._checking(*place):
+            if not isinstance(table, dict):
+                raise complain(unusable(section), shown(table), f"a table [{section}]")
+            check_keys(table, [*_MORE_KEYS.get(section, ()), *options_of(section)], f"[{section}]")
+        for name, value in table.items():
+            with self._checking(*place, name):
+                if name in _MORE_KEYS.get(section, ()):
+                    self._check_more(name, value, table)
+                else:
                     self._check_value(section, name, value)
-            if section == "camera" and "eye" in one:
-                with self._checking(*place):
-                    camera_of(one)
-            elif section == "camera":
-                for name in _OF_EYE:
-                    if name in one:
-                        with self._checking(*place, name):
-                            raise complain(unusable(name), "a camera without an eye", "eye and target with it")
+        with self._checking(*place):
+            if "eye" in table:
+                _camera_of(table)
             if section == "data" and self.is_exact:
-                with self._checking(*place):
-                    _field_recipe(one)
+                _field_recipe(table)
+
+    def _check_more(self, name: str, value: Any, table: Mapping[str, Any]) -> None:
+        """Check a value that is none of an option of `sheetsplat.render`."""
+        if name in _OF_EYE and "eye" not in table:
+            raise complain(unusable(name), "a camera without an eye", "eye and target with it")
+        if name in _OF_EXACT_DATA and not self.is_exact:
+            raise complain(unusable(name), "a scene that is not exact", "it only with exact = true")
+        if name == "file" and (not isinstance(value, str) or not value or "\0" in value):
+            raise complain(unusable(name), shown(value), "the path of a file")
+        if name == "group" and not fits(value, Whole(0, 255)):
+            raise complain(unusable(name), shown(value), "the number of a group, from 0 on")
 
     def _check_value(self, section: str, name: str, value: Any) -> None:
-        if section == "data" and name in _OF_DATA:
-            if name in _OF_EXACT_DATA and not self.is_exact:
-                raise complain(unusable(name), "a scene that is not exact", "it only with exact = true")
-            if name == "file" and (not isinstance(value, str) or not value or "\0" in value):
-                raise complain(unusable(name), shown(value), "the path of a file")
-            if name == "group" and (type(value) is not int or not 0 <= value < 256):
-                raise complain(unusable(name), shown(value), "the number of a group, from 0 on")
-            return
-        if section == "camera" and name in _OF_EYE:
-            return
         option = options_of(section)[name]
-        if class_of(option)[1] and isinstance(value, list):
+        if class_of(option.type)[1] and isinstance(value, list):
             for number, one in enumerate(value):
                 with self._checking(section, name, number):
                     value_of(option, [one])
         found = value_of(option, value)
         if self.is_exact and section in ("look", "light"):
-            own = definitions(SceneOptions)
-            if name not in own and name != "transfer_function":
+            if name in definitions(SceneOptions):
+                _checked(option, found)
+            elif name != "transfer_function":
                 wanted = "a scene that is not exact, or transfer_function"
                 raise complain(unusable(name), f"{name} in an exact scene, which chooses nothing", wanted)
-            if name in own:
-                checked(own[name], found)
 
     # ------------------------------------------------------------------------------------------------------- content
 
@@ -327,7 +352,7 @@ class SceneFile:
     def camera(self) -> Camera | None:
         """The camera, where the file has an eye; None where it is fitted to what is seen."""
         table = self._tables.get("camera", {})
-        return camera_of(table) if "eye" in table else None
+        return _camera_of(table) if "eye" in table else None
 
     @property
     def options(self) -> dict[str, Any]:
@@ -343,8 +368,18 @@ class SceneFile:
     def prepare(self, data: Any = None, **changes: Unpack[RenderOptions]) -> api.Prepared:
         """Return what `render` draws, without drawing it."""
         check_names("SceneFile.render", changes, RenderOptions)
+        given: dict[str, Any] = dict(changes)
         with self._locating(changes):
-            return self._exact(data, dict(changes)) if self.is_exact else self._chosen(data, dict(changes))
+            options, sources = self.options, self._sources(data)
+            clash = [name for name in definitions(CameraOptions) if name in given]
+            if clash and "camera" in options:
+                advice = "leave it out, or give a camera"
+                raise complain(
+                    unusable(clash[0]), f"{self._name}, whose camera has an eye", "", advice, option=clash[0]
+                )
+            renderer = self._renderer(given)
+            data, rest = (self._exact if self.is_exact else self._chosen)(sources, options, given)
+            return api.prepare(data, **rest, renderer=renderer)
 
     def render(self, data: Any = None, **changes: Unpack[RenderOptions]) -> Image:
         """Return the picture.
@@ -406,68 +441,53 @@ class SceneFile:
             raise complain(f"{self._name} cannot be drawn", f"{len(given)} data", f"{len(own)}, one for each field")
         return given
 
-    def _chosen(self, data: Any, changes: dict[str, Any]) -> api.Prepared:
-        """Return the picture of a scene that leaves open what is chosen from the data."""
-        options = self.options
+    def _chosen(
+        self, sources: list[Any], options: dict[str, Any], changes: Mapping[str, Any]
+    ) -> tuple[Any, dict[str, Any]]:
+        """Return what `api.prepare` takes for a scene that leaves open what is chosen from the data."""
         if any(name in changes for name in _COLOURS):
             options.pop("transfer_function", None)
         if changes.get("transfer_function") is not None:
             options = {name: value for name, value in options.items() if name not in _COLOURS}
-        self._refuse_camera(options, changes)
-        sources, tables = self._sources(data), self._data()
-        renderer = self._renderer(changes)
         quality = {"quality": changes.get("quality", options.get("quality", "good"))}
-        opened = [self._opened(one, changes) for one in tables]
+        opened = [self._opened(one, changes) for one in self._data()]
         of_data = definitions(OpenOptions)
         options = {**options, **{name: one for name, one in changes.items() if name not in of_data}, **quality}
         if len(sources) == 1:
             made = isinstance(sources[0], Field | Scene)
-            options |= {name: one for name, one in opened[0].items() if not made or name in changes}
-            return api.prepare(sources[0], **options, renderer=renderer)
+            return sources[0], options | {name: one for name, one in opened[0].items() if not made or name in changes}
         fields = [
             one if isinstance(one, Field) else api.open(one, **given, **quality)
             for one, given in zip(sources, opened, strict=True)
         ]
-        return api.prepare(fields, **options, renderer=renderer)
+        return fields, options
 
-    def _refuse_camera(self, options: Mapping[str, Any], changes: Mapping[str, Any]) -> None:
-        clash = [name for name in definitions(CameraOptions) if name in changes]
-        if clash and "camera" in options:
-            advice = "leave it out, or give a camera"
-            raise complain(unusable(clash[0]), f"{self._name}, whose camera has an eye", "", advice, option=clash[0])
-
-    def _exact(self, data: Any, changes: dict[str, Any]) -> api.Prepared:
-        """Return the picture of a scene that leaves nothing open."""
-        options = self.options
-        self._refuse_camera(options, changes)
-        renderer = self._renderer(changes)
-        tables = self._data()
-        fields: list[Any] = []
-        for table, source in zip(tables, self._sources(data), strict=True):
-            grid = {"grid": self._folder / table["grid"]} if "grid" in table else {}
-            given = {**grid, **{name: one for name, one in changes.items() if name in options_of("data")}}
+    def _exact(
+        self, sources: list[Any], options: dict[str, Any], changes: Mapping[str, Any]
+    ) -> tuple[Scene, dict[str, Any]]:
+        """Return what `api.prepare` takes for a scene that leaves nothing open."""
+        for name in _COLOURS:
+            if name in changes:
+                what = f"{self._name} is an exact scene, which chooses no colours"
+                raise complain(what, name, "transfer_function", option=name)
+        groups: dict[int, list[Field]] = {}
+        for table, source in zip(self._data(), sources, strict=True):
+            made = _field_recipe(table)
+            given = self._opened({name: table[name] for name in ("grid",) if name in table}, changes)
             if isinstance(source, str | os.PathLike):
-                fields.append(_field_recipe(table).open(source, **given))
+                fields = [made.open(source, **given)]
             else:
-                fields += map(_field_recipe(table).kernels_of, api.to_fields(source, **given))
-        known = definitions(SceneOptions)
-        wrong = [name for name in changes if name in _COLOURS]
-        if wrong:
-            what = f"{self._name} is an exact scene, which chooses no colours"
-            raise complain(what, wrong[0], "transfer_function", option=wrong[0])
-        scene_options = {name: one for name, one in {**options, **changes}.items() if name in known and one is not None}
-        functions = changes.get("transfer_function") or options.get("transfer_function")
+                fields = [made.kernels_of(one) for one in api.to_fields(source, **given)]
+            groups.setdefault(table.get("group", 0), []).extend(fields)
+        options = {**options, **changes}
+        functions = changes.get("transfer_function") or self._values("look").get("transfer_function")
         if functions is None:
             raise complain(f"{self._name} is an exact scene", "no transfer_function", "one", "add it to [look]")
         if isinstance(functions, str):
             functions = TransferFunction.preset(functions)
-        numbers = [one.get("group", 0) for one in tables]
-        groups = [
-            [field for field, at in zip(fields, numbers, strict=True) if at == group] for group in sorted({*numbers})
-        ]
-        scene = Scene(groups if len(groups) > 1 else groups[0], functions, **scene_options)
-        rest = {name: one for name, one in {**options, **changes}.items() if name in _OF_PICTURE}
-        return api.prepare(scene, **rest, renderer=renderer)
+        parts = [groups[number] for number in sorted(groups)]
+        scene = Scene(parts if len(parts) > 1 else parts[0], functions, **pick_given(SceneOptions, options))
+        return scene, {name: one for name, one in options.items() if name in _OF_PICTURE}
 
     # ------------------------------------------------------------------------------------------------------- writing
 
@@ -531,8 +551,49 @@ def _paths(data: Paths) -> list[str | os.PathLike[str]]:
     return [data] if isinstance(data, str | os.PathLike) else list(data)
 
 
+def _camera_of(table: Mapping[str, Any]) -> Camera:
+    return camera_of({"projection": "orthographic", **table}, "projection")
+
+
+def _camera_table(camera: Camera) -> dict[str, Any]:
+    return {"projection": camera.kind, **eye_parts(camera)}
+
+
 def _field_recipe(table: Mapping[str, Any]) -> FieldRecipe:
     """Return how a field of an exact scene is made."""
     opened = {name: one for name, one in table.items() if name not in (*_OF_DATA, "grid")}
     told = {"kind": table.get("kind", "RegularField"), "options": {}, "opened": opened, "quantity": {}}
     return field_recipe_of({**told, "ghost_points": table.get("ghost_points"), "trim": table.get("trim", {})})
+
+
+def _data_table(field: Mapping[str, Any], group: int | None, path: str | os.PathLike[str] | None) -> dict[str, Any]:
+    """Return the table of a field's data, of what a PNG says about it."""
+    # Kernels of scattered data that a reader made follow from what it was told.
+    own = {} if field["kind"] == "EllipsoidField" and field["opened"] else field["options"]
+    known = options_of("data")
+    given = {name: one for name, one in {**own, **field["opened"]}.items() if name in known and one is not False}
+    trim = {name: one for name, one in field["trim"].items() if one}
+    file = None if path is None else os.fspath(path)
+    return {
+        **{"kind": field["kind"], "group": group, **given},
+        **{"trim": trim or None, "ghost_points": field["ghost_points"], "file": file},
+    }
+
+
+def _checked(option: Option, value: Any) -> Any:
+    """Return what a class makes of the value of an option."""
+    return value if option.check is None else option.check(option.name, value)
+
+
+def _changed(section: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those of the plain values of a picture's options that are not the defaults."""
+    known = {name: option for name, option in options_of(section).items() if values.get(name) is not None}
+    defaults = {name: plain(_checked(option, option.default)) for name, option in known.items()}
+    return {name: values[name] for name in known if values[name] != defaults[name]}
+
+
+def _without_none(value: Any) -> Any:
+    """Return plain values without the entries of tables that are None."""
+    if isinstance(value, Mapping):
+        return {name: _without_none(one) for name, one in value.items() if one is not None}
+    return [_without_none(one) for one in value] if isinstance(value, list | tuple) else value

@@ -15,11 +15,12 @@ Place = tuple[str | int, ...]
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 # Arrays that would be longer than this have one entry a line.
 _COLUMNS = 100
-# Words, among them strings: basic and literal, of one line and of several, whose last quotes belong to them; comments,
-# and what opens, closes and parts keys and values.
+# Words, among them strings: basic and literal, of several lines and of one. The last quotes of a long one belong to it,
+# and what has no end takes the rest of the text, so that each character is looked at once. Beside words comments, and
+# what opens, closes and parts keys and values.
 _TOKEN = re.compile(
-    r'(?P<word>"""(?:[^\\]|\\.)*?"""(?:"{0,2}(?!"))|' + r"'''.*?'''(?:'{0,2}(?!'))|"
-    r'"(?:[^"\\]|\\.)*"|' + rf"'[^']*'|{_BARE.pattern})" + r"|#[^\n]*|[\[\]{}.,=\n]",
+    r'(?P<word>"""(?:[^"\\]|\\.?|"{1,2}(?!"))*+(?:"{3,5}|\Z)|"(?:[^"\\]|\\.?)*+(?:"|\Z)|'
+    r"'''(?:[^']|'{1,2}(?!'))*+(?:'{3,5}|\Z)|'[^']*+(?:'|\Z)|[A-Za-z0-9_-]+)|#[^\n]*|[\[\]{}.,=\n]",
     re.DOTALL,
 )
 

@@ -37,6 +37,9 @@ if TYPE_CHECKING:
     from sheetsplat.bcc import resample_to_bcc as resample_to_bcc
     from sheetsplat.bricks.opening import open_bricks as open_bricks
     from sheetsplat.camera import Camera as Camera
+    from sheetsplat.describe.recipe import FieldRecipe as FieldRecipe
+    from sheetsplat.describe.recipe import Recipe as Recipe
+    from sheetsplat.describe.scene_file import SceneFile as SceneFile
     from sheetsplat.device import Device as Device
     from sheetsplat.device import devices as devices
     from sheetsplat.effects import AmbientOcclusion as AmbientOcclusion
@@ -64,13 +67,10 @@ if TYPE_CHECKING:
     from sheetsplat.plan import QualitySetting as QualitySetting
     from sheetsplat.plan import RenderPlan as RenderPlan
     from sheetsplat.quantity import Quantity as Quantity
-    from sheetsplat.recipe import FieldRecipe as FieldRecipe
-    from sheetsplat.recipe import Recipe as Recipe
     from sheetsplat.renderer import Renderer as Renderer
     from sheetsplat.ripple import lattice_ripple as lattice_ripple
     from sheetsplat.scalar_colors import ScalarColors as ScalarColors
     from sheetsplat.scene import Scene as Scene
-    from sheetsplat.scene_file import SceneFile as SceneFile
     from sheetsplat.transfer import TransferFunction as TransferFunction
     from sheetsplat.viewer import Viewer as Viewer
     from sheetsplat.viewer import view as view
@@ -154,12 +154,12 @@ _HOMES = {
     "picking": ("Pick",),
     "plan": ("Effect", "PictureQuality", "QualitySetting", "RenderPlan"),
     "quantity": ("Quantity",),
-    "recipe": ("FieldRecipe", "Recipe"),
+    "describe.recipe": ("FieldRecipe", "Recipe"),
     "renderer": ("Renderer",),
     "ripple": ("lattice_ripple",),
     "scalar_colors": ("ScalarColors",),
     "scene": ("Scene",),
-    "scene_file": ("SceneFile",),
+    "describe.scene_file": ("SceneFile",),
     "transfer": ("TransferFunction",),
     "viewer": ("Viewer", "view"),
 }

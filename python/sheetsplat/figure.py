@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from sheetsplat import pixels
 from sheetsplat._checks import shown, truth
 from sheetsplat._matplotlib import module_of, require_matplotlib
+from sheetsplat.describe.recipe import FieldRecipe
 from sheetsplat.errors import complain, unusable
 from sheetsplat.options.scene import surfaces_of
 from sheetsplat.quantity import Axis, Quantity
-from sheetsplat.recipe import FieldRecipe
 from sheetsplat.transfer import TransferFunction
 
 if TYPE_CHECKING:

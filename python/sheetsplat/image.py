@@ -14,13 +14,14 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from sheetsplat import _sheetsplat, pixels
 from sheetsplat._checks import file_path, numbers, shown, truth
 from sheetsplat.camera import Camera
+from sheetsplat.describe.recipe import Recipe
+from sheetsplat.describe.schema import LONGEST
 from sheetsplat.errors import Unsupported, complain, unusable
 from sheetsplat.fields import has_values_at_points
 from sheetsplat.limits import Depths
 from sheetsplat.notices import warn
 from sheetsplat.options.renderer import Progress
 from sheetsplat.plan import RenderPlan
-from sheetsplat.recipe import LONGEST, Recipe
 from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.supersampling import averaged, mean
 

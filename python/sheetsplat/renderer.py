@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import check_progress, image_size, instance, names, number, whole
 from sheetsplat.camera import Camera
+from sheetsplat.describe.recipe import Recipe
 from sheetsplat.effect_names import check_effects
 from sheetsplat.errors import Unsupported, complain, option_ref, unusable
 from sheetsplat.expected_time import ExpectedTime, expected_time, may_be_long, warn_of_time
@@ -37,7 +38,6 @@ from sheetsplat.options.renderer import (
 from sheetsplat.plan import RenderPlan
 from sheetsplat.quality.lost import keeping, warn_of_lost, with_lost
 from sheetsplat.quality.thin import LEAST_UNMET, may_be_flat, unmet_kernels
-from sheetsplat.recipe import Recipe
 from sheetsplat.scene import Scene
 from sheetsplat.supersampling import averaged, counting_samples, fine_depths, fine_size
 

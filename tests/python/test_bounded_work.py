@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import sheetsplat as ss
-from sheetsplat.scene_file.positions import depth
+from sheetsplat.describe.toml import depth
 
 MIB = 1 << 20
 
@@ -106,6 +106,18 @@ def test_ghost_points_of_kernels_at_one_place(spread: float, sizes: tuple[float,
 def test_scene_files_that_nest_deeply_are_refused_before_they_are_parsed(text: str) -> None:
     with at_most(4 * MIB), pytest.raises(ss.InvalidInput, match=r"nested \d+ deep; wanted at most 32"):
         ss.SceneFile.parse(text)
+
+
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize(
+    "text", ['"\\' * 100_000, '"""\\' * 100_000, "''" * 100_000 + "'", '"a' * 100_001, '"""a' * 100_001]
+)
+def test_texts_of_quotes_that_never_end_are_looked_at_once(text: str) -> None:
+    """Each quote was followed to the end of the text: a minute and a half for 200 KB."""
+    assert depth(text) <= 100_001
+    for read in (ss.SceneFile.parse, ss.Recipe.from_json):
+        with pytest.raises(ss.InvalidInput):
+            read(text)
 
 
 @pytest.mark.parametrize(

@@ -264,12 +264,15 @@ def test_cases_come_back_from_json(tmp_path: Path) -> None:
         "list": [None, True, {"x": [b""]}],
         "array": np.array([[0.1, np.nan], [np.inf, 5e-324]], ">f8"),
         "small": np.arange(3, dtype=np.float32),
+        "none": np.zeros((2, 0)),
+        "rows": [(0.1, -0.0), (1e-320, 2.0)],
         "number": np.float64(0.1),
     }
     cases.save(tmp_path / "a.json", case)
     found = cases.load(tmp_path / "a.json")
-    for name in ("array", "small"):
-        assert found[name].dtype == case[name].dtype and np.array_equal(found.pop(name), case.pop(name), equal_nan=True)
+    for name in ("array", "small", "none"):
+        assert found[name].dtype == case[name].dtype and found[name].shape == case[name].shape
+        assert found.pop(name).tobytes() == case.pop(name).tobytes()
     assert found == case and isinstance(found["tuple"][1], tuple)
 
 
@@ -305,13 +308,16 @@ def test_mutations_are_of_all_kinds_and_come_back_by_their_seed() -> None:
 @pytest.mark.parametrize("path", KEPT, ids=lambda path: path.stem)
 def test_what_was_found_and_mended_stays_so(path: Path, tmp_path: Path) -> None:
     kept = cases.load(path)
-    outcome = judged(PARTS[kept["part"]](), kept["case"], tmp_path)
-    assert not outcome.is_wrong, f"{outcome.what}\n{outcome.text}"
+    for change in ({}, *kept.get("also", ())):
+        outcome = judged(PARTS[kept["part"]](), kept["case"] | change, tmp_path)
+        assert not outcome.is_wrong, f"{kept['why']}\n{outcome.what}\n{outcome.text}"
 
 
 @pytest.mark.parametrize("path", KEPT, ids=lambda path: path.stem)
-def test_kept_failures_name_no_folder(path: Path) -> None:
-    assert not [line for line in cases.load(path)["text"] if 'File "/' in line]
+def test_kept_failures_say_what_they_guard_and_name_no_folder(path: Path) -> None:
+    kept = cases.load(path)
+    assert kept["why"].endswith(".") and str(kept["seed"]) not in path.stem
+    assert not [line for line in kept["text"] if 'File "/' in line]
 
 
 @pytest.mark.parametrize("words", [["--kind", "foo"], ["foo"], ["--minutes", "-1"], ["--again", "no.json"]])

@@ -15,8 +15,9 @@ from command_line import run
 from PIL import Image as PillowImage
 
 import sheetsplat as ss
+from sheetsplat.describe.recipe import Recipe
+from sheetsplat.describe.schema import LONGEST
 from sheetsplat.io.png_text import read_text
-from sheetsplat.recipe import LONGEST, Recipe
 
 SMALL = {"size": (20, 16), "backend": "reference"}
 
@@ -234,6 +235,8 @@ CHANGES = {
     "nan": (change("fields", 0, "options", "nan", value="ignore"), "nan"),
     "trim": (change("fields", 0, "trim", value={"kernels": [3]}), "trim: kernels"),
     "limits": (change("fields", 0, "trim", value={"limits": [3, 1]}), "trim: limits"),
+    "trim that falls": (change("fields", 0, "trim", value={"kernels": [3, 3]}), "trim: kernels"),
+    "stop": (change("scene", "opacity_stop", value=2), "scene: opacity_stop"),
     "trim of nothing": (change("fields", 0, "trim", value={"samples": [3]}), "'samples'"),
     "backend": (change("renderer", "backend", value="gpu"), "backend"),
     "renderer key": (change("renderer", "device", value=1), "'device'"),
@@ -295,6 +298,7 @@ TEXTS = {
     "no JSON": b"{'format': 1}",
     "cut off": b'{"format": 1, "vers',
     "deep": b"[" * 100_000,
+    "nested": b'{"format": ' + b"[" * 40 + b"]" * 40 + b"}",
     "NaN": b'{"format": NaN}',
     "infinity": b'{"format": 1e999}',
     "many digits": b'{"format": ' + b"9" * 100_000 + b"}",
@@ -317,6 +321,18 @@ def test_unchanged_metadata_is_taken(picture):
     path, plain = picture
     rewrite(path, json.dumps(plain).encode())
     assert Recipe.read(path).size == (20, 16)
+
+
+def test_pictures_of_earlier_versions_are_read(picture):
+    """Before fields had a boundary, a base and a trim, and cameras a shift."""
+    path, plain = picture
+    field = plain["fields"][0]
+    del field["trim"], field["options"]["boundary"], field["options"]["base"]
+    view = {"maker": "perspective", "eye": [0, 0, 9], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y": 30, "near": 0.1}
+    rewrite(path, json.dumps({**plain, "camera": view}).encode())
+    found = Recipe.read(path)
+    assert found.fields[0].options["boundary"] == "zero" and found.fields[0].options["base"] == 0.0
+    assert not found.fields[0].trim and found.camera.shift == (0.0, 0.0)
 
 
 def test_damaged_files_are_refused(picture, tmp_path):

@@ -12,12 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sheetsplat as ss
+from sheetsplat.describe.scene_file import SECTIONS, options_of
+from sheetsplat.describe.toml import document, lines_of_keys
 from sheetsplat.io.pictures import read_picture
 from sheetsplat.options.core import definitions
 from sheetsplat.options.picture import RenderOptions
-from sheetsplat.scene_file.positions import lines_of_keys
-from sheetsplat.scene_file.sections import SECTIONS, options_of
-from sheetsplat.scene_file.toml import document
 
 SMALL = {"size": (20, 16), "backend": "reference"}
 HEAD = 'format = 1\npicture = {size = [20, 16]}\nrenderer = {backend = "reference"}\n'
@@ -58,6 +57,11 @@ LOOKS = {
         "azimuth": 20, "projection": "perspective", "zoom": 1.5}),
     "eye": ('[camera]\neye = [30, 10, 5]\ntarget = [8, 7, 6]\nup = [0, 0, 1]\nheight = 20\n', {
         "camera": ss.Camera.orthographic((30, 10, 5), (8, 7, 6), (0, 0, 1), height=20)}),
+    "off-axis": (
+        '[camera]\nprojection = "perspective"\neye = [30, 10, 5]\ntarget = [8, 7, 6]\nup = [0, 0, 1]\nfov_y = 40\n'
+        "shift = [0.2, -0.1]\n",
+        {"camera": ss.Camera.perspective((30, 10, 5), (8, 7, 6), (0, 0, 1), fov_y=40, shift=(0.2, -0.1))},
+    ),
 }  # fmt: skip
 
 
@@ -89,6 +93,17 @@ def test_a_picture_is_written_as_a_scene_that_makes_it_again(tmp_path, volume, n
     assert again.is_exact and again.files == (volume,)
     assert np.array_equal(again.render().pixels, image.pixels, equal_nan=True)
     assert again.camera == image.camera
+
+
+def test_values_of_numpy_and_objects_are_written_as_plain_ones(tmp_path):
+    raw = tmp_path / "a.raw"
+    np.arange(27, dtype=np.uint8).tofile(raw)
+    colors = ss.ScalarColors("magma", (0, 9))
+    options = {"dtype": np.uint8, "shape": (3, 3, 3), "mode": "xray", "scalar_colors": colors, "zoom": np.float64(1.5)}
+    text = ss.SceneFile.of_options(raw, **SMALL, **options).to_toml()
+    assert 'dtype = "|u1"' in text and "zoom = 1.5" in text
+    found, expected = ss.SceneFile.parse(text).render(), ss.render(raw, **SMALL, **options)
+    assert np.array_equal(found.pixels, expected.pixels)
 
 
 def test_several_fields_and_what_was_left_out_are_kept(tmp_path, volume):
@@ -156,6 +171,8 @@ WRONG = {
     '[look]\nmode = "isosurfaces"': (5, "did you mean isosurface"),
     "[look]\nslice_spacing = -1": (5, "above 0"),
     "[look]\nslice_spacing = true": (5, "float"),
+    "[look]\nslice_spacing = nan": (5, "float"),
+    "[data]\nspacing = [1, 0, 1]": (5, "above 0"),
     "[look]\nslice_spacing = 1979-05-27": (5, "float"),
     "[look]\nclip = {plane = []}": (5, "did you mean planes"),
     "[look]\nclip = {box = [[1, 2, 3], [0, 0, 0]]}": (5, "two corners"),

@@ -14,7 +14,7 @@ import pytest
 from command_line import run
 
 import sheetsplat as ss
-from sheetsplat.recipe import Recipe
+from sheetsplat.describe.recipe import Recipe
 from sheetsplat.tiles import render_tiles
 
 SMALL = {"size": (20, 16), "backend": "reference"}

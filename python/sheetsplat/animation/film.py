@@ -47,6 +47,7 @@ from sheetsplat.bricks.watch import connected
 from sheetsplat.bricks.workers import look_after
 from sheetsplat.bricks.workers import workers_of as workers_known
 from sheetsplat.camera import Camera
+from sheetsplat.describe.recipe import Recipe
 from sheetsplat.errors import Unsupported, complain
 from sheetsplat.fields import any_in_bricks
 from sheetsplat.image import Image
@@ -55,7 +56,6 @@ from sheetsplat.notices import warn
 from sheetsplat.options.film import client_of, rate_of, workers_of
 from sheetsplat.options.renderer import Progress
 from sheetsplat.options.workers import WORKER_TIMEOUT, timeout_of
-from sheetsplat.recipe import Recipe
 from sheetsplat.renderer import Renderer
 
 _log = logging.getLogger("sheetsplat")

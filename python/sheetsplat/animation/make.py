@@ -17,6 +17,7 @@ from sheetsplat.animation.series import one_look, settled
 from sheetsplat.animation.sources import FileStep, MemoryStep, OneScene, SharedLook, Source
 from sheetsplat.animation.steps import Steps, steps_of
 from sheetsplat.camera import Camera
+from sheetsplat.describe.scene_file import SceneFile
 from sheetsplat.errors import complain, unusable
 from sheetsplat.image import Image
 from sheetsplat.options.camera import CameraOptions
@@ -24,7 +25,6 @@ from sheetsplat.options.core import check_names, definitions, documented, filled
 from sheetsplat.options.data import OpenOptions
 from sheetsplat.options.film import AnimateOptions, FilmOptions, TurnOptions, TurntableOptions, frames_of
 from sheetsplat.renderer import Renderer
-from sheetsplat.scene_file import SceneFile
 
 _SUFFIX = ".toml"
 

@@ -10,13 +10,13 @@ from typing import Any
 
 from sheetsplat._checks import attribute, shown, suffix_of
 from sheetsplat._objects import kind_of_object
+from sheetsplat.describe.scene_file import SUFFIX, SceneFile
 from sheetsplat.errors import complain, option_ref
 from sheetsplat.fields import Field
 from sheetsplat.io.opening import time_steps
 from sheetsplat.io.xarray_data import time_axis
 from sheetsplat.options.film import MOST_FRAMES
 from sheetsplat.scene import Scene
-from sheetsplat.scene_file.file import SUFFIX, SceneFile
 
 _WANTED = "a sequence of files or data, an array (t, k, j, i), a DataArray with a time axis, or a function"
 

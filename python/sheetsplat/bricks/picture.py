@@ -29,6 +29,7 @@ from sheetsplat.bricks.partial import Finished
 from sheetsplat.bricks.resident import residents
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.camera import Camera
+from sheetsplat.describe.recipe import Recipe
 from sheetsplat.fields import BrickedField, BrickedKernels, Field
 from sheetsplat.image import ErrorEstimate, Image, image_of
 from sheetsplat.limits import Depths, checked_depths
@@ -36,7 +37,6 @@ from sheetsplat.look.empty import warn_of_unseen
 from sheetsplat.options.renderer import Progress
 from sheetsplat.plan import RenderPlan
 from sheetsplat.quality.lost import keeping, warn_of_lost, with_lost
-from sheetsplat.recipe import Recipe
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 from sheetsplat.supersampling import averaged, fine_depths, fine_size

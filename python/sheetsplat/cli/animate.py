@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 def _camera_of(path: Path) -> Camera:
     """Return the camera of a picture that says how it was made, or of a scene file with an eye."""
     from sheetsplat.cli.scene import is_scene_file
-    from sheetsplat.recipe import Recipe
-    from sheetsplat.scene_file import SceneFile
+    from sheetsplat.describe.recipe import Recipe
+    from sheetsplat.describe.scene_file import SceneFile
 
     if not is_scene_file(path):
         return Recipe.read(path).camera

@@ -137,9 +137,9 @@ def command(
 
 def _write_scene(file: Path, data: tuple[Path, ...], output: Path, options: dict[str, Any]) -> None:
     """Write the scene file of a picture that says how it was made, or of a file and the options that were given."""
+    from sheetsplat.describe.recipe import Recipe
+    from sheetsplat.describe.scene_file import SceneFile
     from sheetsplat.io.png_text import is_png
-    from sheetsplat.recipe import Recipe
-    from sheetsplat.scene_file import SceneFile
 
     check_outputs([output], [file, *data])
     if is_scene_file(file):

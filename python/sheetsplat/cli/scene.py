@@ -85,7 +85,7 @@ def prepare_again(
 ) -> tuple[Scene, Camera, Renderer, tuple[int, int]]:
     """Return scene, camera, renderer and size of a picture that says how it was made, from its data."""
     from sheetsplat._checks import image_size
-    from sheetsplat.recipe import Recipe
+    from sheetsplat.describe.recipe import Recipe
     from sheetsplat.renderer import Renderer
 
     context = click.get_current_context()
@@ -132,7 +132,7 @@ def prepare_scene_file(
     path: Path, data: Sequence[Path], options: dict[str, Any]
 ) -> tuple[Scene, Camera, Renderer, tuple[int, int]]:
     """Return scene, camera, renderer and size of a scene file, with what was given on the command line in its place."""
-    from sheetsplat.scene_file import SceneFile
+    from sheetsplat.describe.scene_file import SceneFile
 
     made = SceneFile.read(path).prepare(list(data) or None, **given_keywords(options))
     return made.scene, made.camera, made.renderer, made.size

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import math
+import operator
 from dataclasses import dataclass
+
+from sheetsplat._checks import pair, shown
+from sheetsplat.errors import complain, unusable
 
 
 @dataclass(frozen=True)
@@ -19,6 +24,17 @@ class Trim:
 
     kernels: tuple[int, ...] = ()
     limits: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        """Check: numbers that rise from 0 on, and limits that do not fall, or InvalidInput."""
+        at = self.kernels if isinstance(self.kernels, tuple) else (None,)
+        if not all(type(one) is int for one in at) or not all(map(operator.lt, (-1, *at), at)):
+            raise complain(unusable("Trim: kernels"), shown(self.kernels), "whole numbers that rise")
+        if self.limits is not None:
+            low, high = pair("Trim: limits", self.limits)
+            if not -math.inf < low <= high < math.inf:
+                raise complain(unusable("Trim: limits"), shown(self.limits), "two numbers that do not fall, or None")
+            object.__setattr__(self, "limits", (low, high))
 
     def __bool__(self) -> bool:
         """Return whether anything is left out."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from sheetsplat._checks import Triple, triple
 from sheetsplat.api import Prepared
+from sheetsplat.describe.schema import plain
 from sheetsplat.fields import joined_bounds
 from sheetsplat.framing import fitting_depth_cue
 from sheetsplat.look.surface import surface_color, surface_limits
@@ -134,7 +135,7 @@ def _look(curves: Curves) -> dict[str, Any]:
 def state_parts(shown: Shown, state: State, scene: Scene) -> dict[str, Any]:
     """Return what the page shows of a state in its panels."""
     options: Mapping[str, Any] = scene.options
-    colors, clip, occlusion = options["scalar_colors"], options["clip"], options["ambient_occlusion"]
+    colors = options["scalar_colors"]
     cue = state.changes["depth_cue"] if "depth_cue" in state.changes else options["depth_cue"]
     own = {one.value: one.color for one in state.changes.get("surfaces", ())}
     return {
@@ -155,22 +156,10 @@ def state_parts(shown: Shown, state: State, scene: Scene) -> dict[str, Any]:
             }
             for value, opacity in scene.surfaces
         ],
-        "scalar_colors": {
-            "cmap": colors.cmap if isinstance(colors.cmap, str) else "",
-            "clim": colors.clim,
-            "log": colors.log,
-        },
-        "lights": [{"direction": one.direction, "color": one.color, "space": one.space} for one in scene.lights],
-        "material": {
-            name: getattr(scene.material, name) for name in ("ambient", "diffuse", "specular", "shininess", "two_sided")
-        },
-        "shadows": options["shadows"],
-        "ambient_occlusion": None
-        if occlusion is None
-        else {"radius": occlusion.radius, "strength": occlusion.strength},
+        "scalar_colors": {**plain(colors), "cmap": colors.cmap if isinstance(colors.cmap, str) else ""},
+        **{name: plain(options[name]) for name in ("lights", "material", "shadows", "ambient_occlusion", "clip")},
         "depth_cue": None if cue is None else {"strength": cue.strength, "color": hexadecimal(cue.color)},
         "gradient_opacity": options["gradient_opacity"],
-        "clip": {"planes": clip.planes, "box": clip.box},
         "background": None if scene.background is None else hexadecimal(scene.background),
         "backdrop": hexadecimal(state.changes.get("backdrop", (0.0, 0.0, 0.0))),
         "max_error": state.settings.get("max_error", shown.options.get("max_error")),

@@ -15,6 +15,7 @@ import numpy as np
 from sheetsplat._checks import shown, suffix_of
 from sheetsplat.api import Opened, Prepared, prepare
 from sheetsplat.camera import Camera
+from sheetsplat.describe.scene_file import SUFFIX, SceneFile
 from sheetsplat.errors import complain, unusable
 from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Field, RegularField
 from sheetsplat.fields.samples import ArraySamples
@@ -27,7 +28,6 @@ from sheetsplat.options.data import OpenOptions
 from sheetsplat.options.renderer import RendererOptions
 from sheetsplat.plan import PictureQuality
 from sheetsplat.scene import Scene
-from sheetsplat.scene_file.file import SUFFIX, SceneFile
 from sheetsplat.viewer.coarse import coarse_fields
 
 Made = TypeVar("Made")

@@ -9,15 +9,19 @@ from __future__ import annotations
 import json
 import math
 import struct
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
+
+from sheetsplat.camera import Kind
+from sheetsplat.describe.schema import fits
+from sheetsplat.options.values import Real, Whole
 
 #: Most bytes of a message from a page. Transfer functions of a thousand points fit.
 LONGEST = 1 << 17
 #: Kinds of films, and what browsers call them.
 FILMS = {"mp4": "video/mp4", "webm": "video/webm", "gif": "image/gif"}
-_MOST_FRAMES, _FASTEST = 2000, 120
+_MOST_CHANGES, _MOST_FRAMES = 32, 2000
 _MOST_PIXELS, _WIDEST = 1 << 25, 8192
 
 
@@ -29,60 +33,26 @@ class Message:
     parts: dict[str, Any]
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _is_whole(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 1 << 53
-
-
-def _is_length(value: Any) -> bool:
-    return _is_whole(value) and 0 < value <= _WIDEST
-
-
-def _is_vector(value: Any) -> bool:
-    return isinstance(value, list) and len(value) == 3 and all(map(_is_number, value))
-
-
-def _is_mapping(value: Any) -> bool:
-    return isinstance(value, dict) and 0 < len(value) <= 32
-
-
-def _one_of(*names: str) -> Callable[[Any], bool]:
-    return lambda value: isinstance(value, str) and value in names
-
-
-def _or_none(check: Callable[[Any], bool]) -> Callable[[Any], bool]:
-    return lambda value: value is None or check(value)
-
-
-# The messages of a page: the keys that each has, and what their values are.
-_KNOWN: dict[str, dict[str, Callable[[Any], bool]]] = {
-    "hello": {"width": _is_length, "height": _is_length},
-    "size": {"width": _is_length, "height": _is_length},
-    "set": {"changes": _is_mapping},
-    "drawn": {"number": _is_whole},
-    "pick": {"x": _is_number, "y": _is_number},
-    "look": {
-        "direction": _or_none(_is_vector),
-        "up": _or_none(_is_vector),
-        "kind": _or_none(_one_of("orthographic", "perspective")),
-    },
+_LENGTH, _NUMBER, _VECTOR = Whole(1, _WIDEST), Whole(0, (1 << 53) - 1), tuple[float, float, float] | None
+_RATE = Real(above=math.nextafter(1.0, 0.0), most=120.0)
+# The messages of a page: the keys that each has, and of which type, or within which limits, their values are.
+_KNOWN: dict[str, dict[str, Any]] = {
+    "hello": {"width": _LENGTH, "height": _LENGTH},
+    "size": {"width": _LENGTH, "height": _LENGTH},
+    "set": {"changes": Mapping[str, object]},
+    "drawn": {"number": _NUMBER},
+    "pick": {"x": float, "y": float},
+    "look": {"direction": _VECTOR, "up": _VECTOR, "kind": Kind | None},
     "reset": {},
-    "save": {"width": _is_length, "height": _is_length},
+    "save": {"width": _LENGTH, "height": _LENGTH},
     "film": {
-        "what": _one_of("turn", "times"),
-        "frames": lambda value: _is_whole(value) and 2 <= value <= _MOST_FRAMES,
-        "fps": lambda value: _is_number(value) and 1 <= value <= _FASTEST,
-        "kind": _one_of(*FILMS),
-        "width": _is_length,
-        "height": _is_length,
+        **{"what": Literal["turn", "times"], "frames": Whole(2, _MOST_FRAMES), "fps": _RATE},
+        **{"kind": Literal["mp4", "webm", "gif"], "width": _LENGTH, "height": _LENGTH},
     },
     "film_stop": {},
     "scene": {},
     "code": {},
-    "measure": {"what": _one_of("effects", "error")},
+    "measure": {"what": Literal["effects", "error"]},
     "stop": {},
 }
 
@@ -92,22 +62,19 @@ def parse(text: str | bytes) -> Message | None:
     if len(text) > LONGEST:
         return None
     try:
-        given = json.loads(text, parse_constant=_refused)
+        parts = json.loads(text, parse_constant=_refused)
     except (ValueError, RecursionError):
         return None
-    if not isinstance(given, dict) or not isinstance(given.get("type"), str):
+    kind = parts.pop("type", "") if isinstance(parts, dict) else ""
+    known = _KNOWN.get(kind) if isinstance(kind, str) else None
+    if known is None or parts.keys() != known.keys() or not all(fits(parts[name], known[name]) for name in known):
         return None
-    parts = {name: value for name, value in given.items() if name != "type"}
-    known = _KNOWN.get(given["type"])
-    if known is None or parts.keys() != known.keys():
+    if (
+        not 0 < len(parts.get("changes", "-")) <= _MOST_CHANGES
+        or parts.get("width", 1) * parts.get("height", 1) > _MOST_PIXELS
+    ):
         return None
-    try:
-        good = all(check(parts[name]) for name, check in known.items())
-    except (OverflowError, RecursionError):
-        return None
-    if not good or parts.get("width", 1) * parts.get("height", 1) > _MOST_PIXELS:
-        return None
-    return Message(given["type"], parts)
+    return Message(kind, parts)
 
 
 def _refused(name: str) -> float:

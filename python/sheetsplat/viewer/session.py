@@ -17,15 +17,15 @@ from sheetsplat._checks import Triple, is_auto
 from sheetsplat.api import Prepared
 from sheetsplat.bricks.picture import draw as draw_in_bricks
 from sheetsplat.camera import Camera
+from sheetsplat.describe.recipe import Recipe
+from sheetsplat.describe.scene_file import SceneFile
 from sheetsplat.errors import Cancelled, Error, Unsupported, complain
 from sheetsplat.fields import any_in_bricks
 from sheetsplat.image import Image
 from sheetsplat.notices import PictureWarning, muted, taken
 from sheetsplat.options.renderer import Progress
-from sheetsplat.recipe import Recipe
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
-from sheetsplat.scene_file import SceneFile
 from sheetsplat.viewer import compose, frames
 from sheetsplat.viewer.about import about, picked
 from sheetsplat.viewer.client import Client, Deliver

@@ -5,23 +5,23 @@ from __future__ import annotations
 import bisect
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat._checks import Triple, choice, color, number, share, shown, triple, truth, whole
+from sheetsplat._checks import Triple, choice, color, convert, number, share, shown, triple, whole
 from sheetsplat.camera import Camera
-from sheetsplat.effects import AmbientOcclusion, Clip, DepthCue
+from sheetsplat.describe.schema import CAMERAS, camera_of, eye_parts, fits, tuples, value_of
 from sheetsplat.errors import complain, unusable
-from sheetsplat.light import Light, Material
 from sheetsplat.opacity_words import opacities_of
-from sheetsplat.options.core import MODES
+from sheetsplat.options.checks import optional
+from sheetsplat.options.core import MODES, Option, definitions
 from sheetsplat.options.quality import QUALITIES
-from sheetsplat.scalar_colors import ScalarColors
+from sheetsplat.options.renderer import RendererClassOptions
+from sheetsplat.options.scene import SceneOptions
 from sheetsplat.transfer import TransferFunction, color_limits, color_rows
 
 Floats = NDArray[np.float64]
@@ -124,12 +124,10 @@ def _spread(rows: Floats, low: float, high: float) -> Floats:
 
 
 def _rows(what: str, given: object, columns: int) -> Floats:
-    wanted = f"at most {MOST_ROWS} rows of {columns} numbers"
-    good = isinstance(given, list) and 0 < len(given) <= MOST_ROWS
-    rows = given if isinstance(given, list) else []
-    if not good or any(not isinstance(row, list) or len(row) != columns for row in rows):
-        raise complain(unusable(f"view: {what}"), shown(given), wanted)
-    found = np.array([[_finite(f"view: {what}", part) for part in row] for row in rows])
+    rows = given if fits(given, Sequence[Sequence[float]]) and isinstance(given, list) else []
+    if not 0 < len(rows) <= MOST_ROWS or {*map(len, rows)} != {columns}:
+        raise complain(unusable(f"view: {what}"), shown(given), f"at most {MOST_ROWS} rows of {columns} numbers")
+    found = np.array(rows, np.float64)
     return found[np.argsort(found[:, 0], kind="stable")]
 
 
@@ -175,6 +173,16 @@ def opacity_handles(curves: Curves) -> Floats:
     return handles(curves.opacities, _OPACITY_STEP)
 
 
+def _surfaces(what: str, found: tuple[Surface, ...]) -> tuple[Surface, ...]:
+    if not found:
+        raise complain(unusable(what), "none", "at least one")
+    return tuple(sorted(found, key=lambda one: one.value))
+
+
+def _color(what: str, value: object) -> Triple:
+    return triple(what, [min(max(part, 0.0), 1.0) for part in color(what, value)])
+
+
 @dataclass(frozen=True)
 class Surface:
     """An isosurface: value, opacity, and its colour, or None for the automatic one."""
@@ -182,6 +190,10 @@ class Surface:
     value: float
     opacity: float = 1.0
     color: Triple | None = None
+
+    def __post_init__(self) -> None:
+        """Check and convert."""
+        convert(self, value=_finite, opacity=share, color=optional(_color))
 
 
 @dataclass(frozen=True)
@@ -191,10 +203,9 @@ class Cue:
     strength: float = 0.8
     color: Triple = (0.0, 0.0, 0.0)
 
-    @classmethod
-    def of(cls, cue: DepthCue) -> Cue:
-        """Return strength and colour of a depth cue."""
-        return cls(cue.strength, triple("", cue.color))
+    def __post_init__(self) -> None:
+        """Check and convert."""
+        convert(self, strength=share, color=_color)
 
 
 @dataclass(frozen=True)
@@ -230,14 +241,13 @@ class State:
         """Return the state with one thing changed. InvalidInput where the name is unknown or the value no use."""
         if name == "camera":
             return replace(self, camera=_camera(value))
-        if name == "mode":
-            return replace(self, mode=choice("view: mode", value, MODES))
-        if name == "quality":
-            return replace(self, quality=choice("view: quality", value, QUALITIES))
+        if name in ("mode", "quality"):
+            found = choice(f"view: {name}", value, MODES if name == "mode" else QUALITIES)
+            return replace(self, mode=found) if name == "mode" else replace(self, quality=found)
         if name in _SETTINGS:
-            return replace(self, settings={**self.settings, name: _SETTINGS[name](value)})
+            return replace(self, settings={**self.settings, name: _read(_SETTINGS[name], value)})
         if name in _CHANGES:
-            return replace(self, changes={**self.changes, name: _CHANGES[name](value)})
+            return replace(self, changes={**self.changes, name: _read(_CHANGES[name], value)})
         raise complain("view: there is no such setting", shown(name))
 
     def numbered(self, name: str, value: object, count: int) -> State:
@@ -255,124 +265,39 @@ class State:
         return replace(self, curves=others if curves is None else {**others, group: curves})
 
 
-def _mapping(what: str, value: object, names: Sequence[str], needed: Sequence[str] = ()) -> Mapping[str, Any]:
-    if not isinstance(value, dict) or set(value) - set(names):
-        raise complain(unusable(f"view: {what}"), shown(value), "only: " + ", ".join(names))
-    if any(value.get(name) is None for name in needed):
-        raise complain(unusable(f"view: {what}"), shown(value), "also: " + ", ".join(needed))
-    return MappingProxyType(value)
-
-
-def _list(what: str, value: object) -> list[Any]:
-    if not isinstance(value, list) or len(value) > MOST_THINGS:
-        raise complain(unusable(f"view: {what}"), shown(value), f"a list of at most {MOST_THINGS}")
-    return value
-
-
 def _camera(value: object) -> Camera:
-    given = _mapping("camera", value, ("kind", "eye", "target", "up", "height", "fov_y", "near", "shift"))
-    kind = choice("view: camera", given.get("kind"), ("orthographic", "perspective"))
-    needed = ("eye", "target", "height" if kind == "orthographic" else "fov_y")
-    _mapping("camera", value, tuple(given), needed)
-    names = (*needed, "up", *(("near", "shift") if kind == "perspective" else ()))
-    return Camera.of_arguments(kind, {name: given[name] for name in names if given.get(name) is not None})
+    names = {"kind", *CAMERAS["orthographic"], *CAMERAS["perspective"]}
+    if not isinstance(value, dict) or not value.keys() <= names:
+        raise complain(unusable("view: camera"), shown(value), "only: " + ", ".join(sorted(names)))
+    kind = choice("view: camera", value.get("kind"), ("orthographic", "perspective"))
+    return camera_of({name: value[name] for name in ("kind", *CAMERAS[kind]) if value.get(name) is not None}, "kind")
 
 
 def camera_parts(camera: Camera) -> dict[str, Any]:
-    """Return a camera as the page knows it."""
-    parts = {"kind": camera.kind, "eye": camera.eye, "target": camera.target, "up": camera.world_axes()[1]}
-    if camera.kind == "orthographic":
-        return {**parts, "height": camera.height}
-    return {**parts, "fov_y": camera.fov_y, "shift": camera.shift}
+    """Return a camera as the page knows it: with the upward axis of the picture, without a near plane."""
+    parts = {"kind": camera.kind, **eye_parts(camera), "up": camera.world_axes()[1]}
+    if parts.pop("near", None) is not None:
+        parts["shift"] = camera.shift
+    return parts
 
 
-def _optional(check: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    return lambda value: None if value is None else check(value)
-
-
-def _positive(what: str) -> Callable[[Any], float]:
-    def check(value: object) -> float:
-        found = number(f"view: {what}", value)
-        if not 0.0 < found < math.inf:
-            raise complain(unusable(f"view: {what}"), f"{found:g}", "a finite number above 0")
-        return found
-
-    return check
-
-
-def _surface(value: object) -> Surface:
-    given = _mapping("surfaces", value, ("value", "opacity", "color"))
-    own = given.get("color")
-    place = _finite("view: surfaces", given.get("value"))
-    return Surface(place, share("view: surfaces", given.get("opacity", 1.0)), None if own is None else _color(own))
-
-
-def _surfaces(value: object) -> tuple[Surface, ...]:
-    found = tuple(map(_surface, _list("surfaces", value)))
-    if not found:
-        raise complain(unusable("view: surfaces"), "none", "at least one")
-    return tuple(sorted(found, key=lambda one: one.value))
-
-
-def _color(value: object) -> Triple:
-    found = color("view: a colour", value)
-    return triple("view: a colour", [min(max(part, 0.0), 1.0) for part in found])
-
-
-def _scalar_colors(value: object) -> ScalarColors:
-    given = _mapping("scalar_colors", value, ("cmap", "clim", "log"))
-    return ScalarColors(_text("cmap", given.get("cmap", "gray")), given.get("clim"), given.get("log", False))
-
-
-def _light(value: object) -> Light:
-    return Light(**_mapping("lights", value, ("direction", "color", "space")))
-
-
-def _lights(value: object) -> tuple[Light, ...]:
-    return tuple(map(_light, _list("lights", value)))
-
-
-def _material(value: object) -> Material:
-    given = _mapping("material", value, ("ambient", "diffuse", "specular", "shininess", "two_sided"))
-    return Material(**given)
-
-
-def _occlusion(value: object) -> AmbientOcclusion:
-    return AmbientOcclusion(**_mapping("ambient_occlusion", value, ("radius", "strength"), ("radius",)))
-
-
-def _cue(value: object) -> Cue:
-    given = _mapping("depth_cue", value, ("strength", "color"))
-    return Cue(share("view: depth_cue", given.get("strength", 0.8)), _color(given.get("color", (0, 0, 0))))
-
-
-def _clip(value: object) -> Clip:
-    given = _mapping("clip", value, ("planes", "box"))
-    return Clip(_list("clip", given.get("planes") or []), given.get("box"))
-
-
-def _effects(value: object) -> dict[str, bool]:
-    if not isinstance(value, dict) or len(value) > 200:
-        raise complain(unusable("view: effects"), shown(value), "names with true or false")
-    return {_text("effects", name): truth("view: effects", on) for name, on in value.items()}
-
-
-_CHANGES: dict[str, Callable[[Any], Any]] = {
-    "surfaces": _surfaces,
-    "scalar_colors": _scalar_colors,
-    "lights": _lights,
-    "material": _material,
-    "shadows": lambda value: truth("view: shadows", value),
-    "ambient_occlusion": _optional(_occlusion),
-    "depth_cue": _optional(_cue),
-    "gradient_opacity": _optional(_positive("gradient_opacity")),
-    "clip": _clip,
-    "background": _optional(_color),
+_COLOR, _OPEN_COLOR = Sequence[float] | str, Sequence[float] | str | None
+_OF_SCENES = ("scalar_colors", "lights", "material", "shadows", "ambient_occlusion", "gradient_opacity", "clip")
+_CHANGES = {
+    **{name: definitions(SceneOptions)[name] for name in _OF_SCENES},
+    "surfaces": Option("", name="surfaces", type=Sequence[Surface], check=_surfaces),
+    "depth_cue": Option("", name="depth_cue", type=Cue | None),
+    "background": Option("", name="background", type=_OPEN_COLOR, check=optional(_color)),
     # What the page shows behind transparent pixels; no part of the picture.
-    "backdrop": _color,
+    "backdrop": Option("", name="backdrop", type=_COLOR, check=_color),
 }
-_SETTINGS: dict[str, Callable[[Any], Any]] = {
-    "max_error": _optional(_positive("max_error")),
-    "max_seconds": _optional(_positive("max_seconds")),
-    "effects": _effects,
-}
+_SETTINGS = {name: definitions(RendererClassOptions)[name] for name in ("max_error", "max_seconds", "effects")}
+
+
+def _read(option: Option, value: Any) -> Any:
+    """Return the value of an option that a page sends."""
+    for part in (value, *value.values()) if isinstance(value, dict) else (value,):
+        if isinstance(part, list) and len(part) > MOST_THINGS:
+            raise complain(unusable(f"view: {option.name}"), shown(value), f"lists of at most {MOST_THINGS}")
+    found = tuples(value_of(option, value))
+    return found if option.check is None else option.check(f"view: {option.name}", found)

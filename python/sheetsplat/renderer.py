@@ -467,7 +467,7 @@ class Renderer:
     def _warn_of_unmet(image: Image, scene: Scene) -> None:
         """Warn of kernels that would show and that no slice meets."""
         settings = image.settings or {}
-        shown = scene.replace(slice_spacing=settings["slice_spacing"]) if "slice_spacing" in settings else scene
+        shown = scene.sketch(slice_spacing=settings["slice_spacing"]) if "slice_spacing" in settings else scene
         point = settings.get("sampling", scene.options["sampling"]) == "point"
         if is_muted() or not point or scene.filter is not None or not may_be_flat(shown):
             return

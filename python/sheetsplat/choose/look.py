@@ -83,7 +83,7 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
         _warn_of_strays(scene)
     if all(options.get(name) is None for name in _SAY_WHAT_IS_MEANT):
         _warn_of_one_value(scene)
-    if scene.options["shadows"] and not scene.lights:
+    if scene.options["shadows"] and mode in COLORED and not scene.lights:
         warn(option_ref("shadows", "true") + " changes nothing where there are no lights")
     return scene
 

@@ -71,15 +71,15 @@ def choose(
     of_camera = ("filter", "depth_cue") if is_auto(look.get("depth_cue")) else ("filter",)
     given: Any = {name: value for name, value in look.items() if name not in of_camera}
     scene = compose_scene([field for field, _ in with_kernels], spacing_is_free=asked.free, **given)
-    for note in (*scene.notes, *([surface_text(scene)] if scene.mode == "isosurface" else [])):
-        _log.info("%s", note)
     with _complaining_first(scene):
         camera = camera_of(applied(scene, [slice_spacing(scene, asked)]), size, options)
         if "depth_cue" in of_camera:
             scene = scene.sketch(depth_cue=fitting_depth_cue(scene, camera, cue_color))
         scene, set_ = at_quality(scene, asked, camera, size)
-    set_ = (*kernels, *set_)
-    return _decided(scene, camera, asked, set_)
+    decided = _decided(scene, camera, asked, (*kernels, *set_))
+    for note in (*scene.notes, *([surface_text(scene)] if scene.mode == "isosurface" else [])):
+        _log.info("%s", note)
+    return decided
 
 
 def kept(scene: Scene, options: Mapping[str, Any], asked: Asked, size: Size) -> Decisions:

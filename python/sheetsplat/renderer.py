@@ -22,7 +22,6 @@ from sheetsplat.fields import any_in_bricks
 from sheetsplat.image import ErrorEstimate, Image
 from sheetsplat.limits import Depths, checked_depths
 from sheetsplat.look import empty
-from sheetsplat.look.ends import warn_of_ends
 from sheetsplat.notices import is_muted, muted, warn
 from sheetsplat.options.core import checked, definitions, documented, filled
 from sheetsplat.options.renderer import (
@@ -433,7 +432,7 @@ class Renderer:
         # A coarse stage may miss what the last one shows.
         if image.stats.get("stage") == image.stats.get("stages"):
             empty.warn_of_unseen(image, scene)
-            warn_of_ends(scene)
+            empty.warn_of_ends(scene)
             self._warn_of_unmet(image, scene)
             warn_of_lost(scene, camera, view.size)
             self._warn_of_light(image)

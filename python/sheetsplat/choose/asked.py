@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from sheetsplat._checks import choice
 from sheetsplat.options.quality import QUALITIES
+from sheetsplat.quality.slicing import SLICES
 
 _TWICE = dict.fromkeys(("composite", "isosurface", "mip", "minimum"), 2)
 # What a draft may be wrong.
@@ -54,6 +56,10 @@ class Level:
     stop: float | None
     filters: bool
     samples: tuple[int, int] | None = None
+
+    def slices_for(self, light: float) -> int:
+        """Return how many slices light calls for by its error with `SLICES`: it falls at first order at least."""
+        return 0 if self.lit is None else math.ceil(SLICES * light / self.lit[0])
 
 
 # Found by measurement: docs/quality.md, "Accuracy and time of each quality", and ./run bench quality.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -66,9 +66,8 @@ class Decisions:
 
 def applied(scene: Scene, made: Iterable[Decision]) -> Scene:
     """Return a scene with what was decided, where it has something else: a default stays one."""
-    values = {name: one or "off" if name == "filter" else one for name, one in scene.options.items()}
-    values["slice_spacing"] = scene.slice_spacing
-    changes = {one.option: one.value for one in made if values.get(one.option) != one.value and one.option in values}
+    now = {**scene.options, "slice_spacing": scene.slice_spacing, "filter": scene.filter or "off"}
+    changes = {one.option: one.value for one in made if now[one.option] != one.value}
     return scene.sketch(**changes) if changes else scene
 
 
@@ -78,22 +77,19 @@ def of_quality(name: str, made: Iterable[Decision]) -> PictureQuality:
     return PictureQuality(name, tuple(dict.fromkeys(settings)))
 
 
-def of_look(scene: Scene, camera: Camera, given: Mapping[str, Any], but: Iterable[Decision]) -> tuple[Decision, ...]:
-    """Return the decisions on the camera, the transfer function and the options of a scene but for some.
+def of_look(scene: Scene, camera: Camera, given: Mapping[str, Any], but: Iterable[Decision]) -> Iterator[Decision]:
+    """Yield the decisions on the camera, the transfer function and the options of a scene but for some.
 
     `given`: the options that the caller gave.
     """
-    colors = "colours and opacities by the values of the data"
-    chosen = {"camera": (camera, "shows all that can be seen"), "transfer_function": (scene.transfer_function, colors)}
-    found = [Decision(name, value, AS_GIVEN, "caller") if name in given else Decision(name, value, why, "data")
-             for name, (value, why) in chosen.items()]  # fmt: skip
-    others, defaults = {one.option for one in but}, checked("Scene", {}, SceneOptions)
-    for name, defined in definitions(SceneOptions).items():
-        value = scene.options[name]
+    defined, defaults = definitions(SceneOptions), checked("Scene", {}, SceneOptions)
+    values = {"camera": camera, "transfer_function": scene.transfer_function, **scene.options}
+    own = {"camera": "shows all that can be seen", "transfer_function": "colours and opacities by the values shown"}
+    for name in [name for name in values if all(name != one.option for one in but)]:
         if name in given:
-            found.append(Decision(name, value, AS_GIVEN, "caller"))
-        elif value != defaults[name]:
-            found.append(Decision(name, value, in_python(defined.default_text(chooses=True)), "data"))
+            yield Decision(name, values[name], AS_GIVEN, "caller")
+        elif name in own or values[name] != defaults[name]:
+            reason = own.get(name) or in_python(defined[name].default_text(chooses=True))
+            yield Decision(name, values[name], reason, "data")
         else:
-            found.append(Decision(name, value, in_python(defined.unset) or "the default", "default"))
-    return tuple(one for one in found if one.option not in others)
+            yield Decision(name, values[name], in_python(defined[name].unset) or "the default", "default")

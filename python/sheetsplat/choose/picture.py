@@ -13,8 +13,8 @@ from sheetsplat.choose.asked import Asked
 from sheetsplat.choose.decisions import Decision, Decisions, applied, of_look, of_quality
 from sheetsplat.choose.kernels import with_kernel
 from sheetsplat.choose.look import compose_scene
-from sheetsplat.choose.pixels import kernel_filter, opacity_stop, supersampling
-from sheetsplat.choose.slices import Lit, slice_spacing, slices_more
+from sheetsplat.choose.pixels import kernel_filter, opacity_stop, samples_for_light, supersampling
+from sheetsplat.choose.slices import Size, error_of_light, slice_spacing, slices_more
 from sheetsplat.fields import Field, RegularField
 from sheetsplat.fields.regular import PLAIN_KERNEL
 from sheetsplat.framing import compose_camera, fitting_depth_cue
@@ -28,7 +28,6 @@ from sheetsplat.options.scene import SceneOptions
 from sheetsplat.quality.slicing import can_be_estimated
 from sheetsplat.scene import Scene
 
-Size = tuple[int, int]
 _log = logging.getLogger("sheetsplat")
 _DEFAULT_STOP: Any = definitions(SceneOptions)["opacity_stop"].default
 
@@ -109,7 +108,7 @@ def fitted(scene: Scene, asked: Asked, camera: Camera, size: Size) -> Scene:
     if scene.mode != "xray" or "supersampling" in asked:
         return scene
     made = applied(scene, [slice_spacing(scene, asked, (camera, size))])
-    return applied(made, [supersampling(made, asked, camera, size, None)]).with_quality(scene.quality)
+    return applied(made, [supersampling(made, asked, camera, size)]).with_quality(scene.quality)
 
 
 def scene_of_quality(scene: Scene, name: str, camera: Camera, size: Size) -> Scene:
@@ -126,12 +125,13 @@ def scene_of_quality(scene: Scene, name: str, camera: Camera, size: Size) -> Sce
 
 def at_quality(scene: Scene, asked: Asked, camera: Camera, size: Size) -> tuple[Scene, tuple[Decision, ...]]:
     """Return a scene with what the quality sets in a picture of it, and what that is."""
-    lit = Lit.of(scene, asked, camera, size)
-    of_slices = [slice_spacing(scene, asked, (camera, size), lit)]
+    light = error_of_light(scene, asked, camera, size)
+    of_light = samples_for_light(scene, asked, light)
+    of_slices = [slice_spacing(scene, asked, (camera, size), light, of_light.value)]
     if scene.mode == "composite":
         of_slices.append(opacity_stop(scene, asked))
     sliced = applied(scene, of_slices)
-    samples = supersampling(sliced, asked, camera, size, lit)
+    samples = supersampling(sliced, asked, camera, size, of_light)
     sampled = applied(sliced, [samples])
     filtering = kernel_filter(sampled, asked, camera, size)
     return applied(sampled, [filtering]), (*of_slices, samples, filtering)

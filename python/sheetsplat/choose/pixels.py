@@ -5,7 +5,6 @@ from __future__ import annotations
 from sheetsplat.camera import Camera
 from sheetsplat.choose.asked import Asked
 from sheetsplat.choose.decisions import AS_GIVEN, Decision
-from sheetsplat.choose.slices import ONE_SAMPLE, Lit
 from sheetsplat.fields import RegularField
 from sheetsplat.options.core import SUMMING
 from sheetsplat.options.scene import MOST_SAMPLES
@@ -21,6 +20,9 @@ from sheetsplat.quality.thin import (
 from sheetsplat.scene import Scene
 from sheetsplat.supersampling import fine_size
 
+Size = tuple[int, int]
+#: What pixels have where nothing calls for more.
+ONE_SAMPLE = Decision("supersampling", 1, "one sample a pixel, at its centre", "default")
 # The filter is taken where kernels that are smaller than two pixels, or a slice distance, are this share of what shows:
 # there a picture with it is nearer to one of many samples a pixel than a picture without.
 _LEAST_SHARE = 0.2
@@ -43,23 +45,40 @@ def opacity_stop(scene: Scene, asked: Asked) -> Decision:
     return Decision("opacity_stop", stop, "what lies behind a nearly opaque pixel counts as well", "quality")
 
 
-def supersampling(scene: Scene, asked: Asked, camera: Camera, size: tuple[int, int], lit: Lit | None) -> Decision:
+def samples_for_light(scene: Scene, asked: Asked, light: float | None) -> Decision:
+    """Return how many samples a pixel has for light that changes within one; `light`: as for `slice_spacing`."""
+    several = asked.level.samples
+    prefiltered = any(isinstance(one, RegularField) and one.prefilter for one in scene.fields)
+    if several is None or light is None or prefiltered or "supersampling" in asked:
+        return ONE_SAMPLE
+    count, most_slices = several
+    words = f"{count} x {count} samples"
+    if asked.level.slices_for(light) > most_slices:
+        reason = f"one sample a pixel: {words}, with the slices that light calls for, would take too long"
+        return Decision("supersampling", 1, reason, "quality")
+    reason = f"{words} a pixel, for light that changes within a pixel; frames take twice as long"
+    return Decision("supersampling", count, reason, "quality")
+
+
+def supersampling(scene: Scene, asked: Asked, camera: Camera, size: Size, lit: Decision = ONE_SAMPLE) -> Decision:
     """Return how many samples a pixel has along each axis, with the slices of a scene and what its light calls for."""
     if "supersampling" in asked:
         return Decision("supersampling", scene.supersampling, AS_GIVEN, "caller")
-    count, reason = (1, ONE_SAMPLE) if lit is None else (lit.samples, lit.why_samples)
-    if scene.mode in SUMMING and asked.level.filters:
-        most = min(MOST_SAMPLES, max(1, _MOST_FINE // max(size)))
-        count = min(samples_for_ends(scene, camera, size), most)
-        several = "{0} x {0} samples a pixel: "
-        if count > 1:
-            reason = several.format(count) + "values jump where a volume ends"
-        if (means := _samples_for_means(scene, asked, camera, size, count, most)) > count:
-            count, reason = means, several.format(means) + "what sums along rays add up is finer than a pixel"
-    return Decision("supersampling", count, reason, "default" if reason == ONE_SAMPLE else "quality")
+    if scene.mode not in SUMMING or not asked.level.filters:
+        return lit
+    most = min(MOST_SAMPLES, max(1, _MOST_FINE // max(size)))
+    ends = min(samples_for_ends(scene, camera, size), most)
+    count, reason = _samples_for_means(scene, asked, camera, size, ends, most), "values jump where a volume ends"
+    if count > ends:
+        reason = "what sums along rays add up is finer than a pixel"
+    return (
+        ONE_SAMPLE
+        if count == 1
+        else Decision("supersampling", count, f"{count} x {count} samples a pixel: {reason}", "quality")
+    )
 
 
-def _samples_for_means(scene: Scene, asked: Asked, camera: Camera, size: tuple[int, int], count: int, most: int) -> int:
+def _samples_for_means(scene: Scene, asked: Asked, camera: Camera, size: Size, count: int, most: int) -> int:
     """Return how many samples a pixel needs, at least `count`, where sums along rays are of means finer than pixels.
 
     Means of kernels (normalisation "threshold") are as wide as their kernels, and the filter would widen them.
@@ -75,7 +94,7 @@ def _samples_for_means(scene: Scene, asked: Asked, camera: Camera, size: tuple[i
     return count
 
 
-def kernel_filter(scene: Scene, asked: Asked, camera: Camera, size: tuple[int, int]) -> Decision:
+def kernel_filter(scene: Scene, asked: Asked, camera: Camera, size: Size) -> Decision:
     """Return the filter of a scene that has its slices and samples."""
     given = asked.given.get("filter")
     if given in ("ewa", "off"):
@@ -87,7 +106,7 @@ def kernel_filter(scene: Scene, asked: Asked, camera: Camera, size: tuple[int, i
     return Decision("filter", "ewa" if on else "off", reason, "quality")
 
 
-def _calls_for_filter(scene: Scene, camera: Camera, size: tuple[int, int]) -> tuple[bool, str]:
+def _calls_for_filter(scene: Scene, camera: Camera, size: Size) -> tuple[bool, str]:
     """Return whether small kernels call for the filter, and why."""
     if scene.mode in SUMMING:
         return _sums_call_for_filter(scene, camera, size)
@@ -103,7 +122,7 @@ def _calls_for_filter(scene: Scene, camera: Camera, size: tuple[int, int]) -> tu
     return small.share >= _LEAST_SHARE, f"{100.0 * small.share:.3g} % of what shows {what}"
 
 
-def _sums_call_for_filter(scene: Scene, camera: Camera, size: tuple[int, int]) -> tuple[bool, str]:
+def _sums_call_for_filter(scene: Scene, camera: Camera, size: Size) -> tuple[bool, str]:
     """Return whether sums along rays would lose mass between pixels or slices, and why."""
     if coarse := coarse_lattice(scene, camera, size):
         return True, f"{coarse}: without it sums along rays lose what lies between pixels or slices"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,8 +18,7 @@ from sheetsplat.quality.slicing import SLICES, can_be_estimated, depth_extent, h
 from sheetsplat.quality.thin import LEAST_UNMET, slices_for_ends, unmet_kernels
 from sheetsplat.scene import Scene
 
-#: One sample a pixel, in words.
-ONE_SAMPLE = "one sample a pixel, at its centre"
+Size = tuple[int, int]
 # Of pictures of numbers: slices for each smallest semi-axis of a kernel, as in the default distance; how many times
 # finer than the default such a distance is at least to take its place; and kernels that count at most.
 _PER_SEMI_AXIS = 2.0
@@ -28,49 +26,15 @@ _FINER = 2.0
 _MOST = 1_000_000
 
 
-@dataclass(frozen=True)
-class Lit:
-    """How many slices the light of volumes calls for.
-
-    Attributes
-    ----------
-    slices
-        Slices to one of the default distance, and the estimated error with them.
-    samples
-        Samples a pixel along each axis that go with so many slices, and why.
-    """
-
-    slices: int
-    error: float
-    samples: int
-    why_samples: str
-
-    @classmethod
-    def of(cls, scene: Scene, asked: Asked, camera: Camera, size: tuple[int, int]) -> Lit | None:
-        """Return what a scene's light calls for; None where others decide on slices."""
-        level = asked.level
-        if level.lit is None or asked.free or "slice_spacing" in asked or not can_be_estimated(scene):
-            return None
-        most, least_slices, most_slices = level.lit
-        error = slicing_error(scene, camera, size)
-        # Errors fall at first order at least.
-        called_for = math.ceil(error * SLICES / most)
-        samples, why = 1, ONE_SAMPLE
-        plain = not any(isinstance(one, RegularField) and one.prefilter for one in scene.fields)
-        if level.samples is not None and plain and "supersampling" not in asked:
-            count, few = level.samples
-            several = f"{count} x {count} samples"
-            if called_for > few:
-                why = f"one sample a pixel: {several}, with the slices that light calls for, would take too long"
-            else:
-                samples, least_slices = count, few
-                why = f"{several} a pixel, for light that changes within a pixel; frames take twice as long"
-        slices = min(max(called_for, least_slices), most_slices)
-        return cls(slices, error * SLICES / slices, samples, why)
+def error_of_light(scene: Scene, asked: Asked, camera: Camera, size: Size) -> float | None:
+    """Return the estimated error of lit volumes with `SLICES` slices to a default one; None: it does not count."""
+    if asked.level.lit is None or asked.free or "slice_spacing" in asked or not can_be_estimated(scene):
+        return None
+    return slicing_error(scene, camera, size)
 
 
 def slice_spacing(
-    scene: Scene, asked: Asked, seen: tuple[Camera, tuple[int, int]] | None = None, lit: Lit | None = None
+    scene: Scene, asked: Asked, seen: tuple[Camera, Size] | None = None, light: float | None = None, samples: int = 1
 ) -> Decision:
     """Return the distance of slices of a picture, world units.
 
@@ -83,17 +47,20 @@ def slice_spacing(
     seen
         The camera and the size of the picture, (width, height) in pixels; None while there is no camera yet: then the
         distance is that of any view.
-    lit
-        What the light calls for in that picture.
+    light, samples
+        The error of its light (`error_of_light`), and the samples a pixel for which light calls.
     """
     spacing, level = scene.slice_spacing, asked.level
     if "slice_spacing" in asked:
         return Decision("slice_spacing", spacing, AS_GIVEN, "caller")
     if asked.free:
         return Decision("slice_spacing", spacing, "chosen anew by max_error or max_seconds", "caller")
-    if lit is not None:
-        reason = f"1/{lit.slices} of the default: an estimated error of {lit.error:.1e} by slices"
-        return Decision("slice_spacing", default_spacing(scene.fields) / lit.slices, reason, "quality")
+    if light is not None and level.lit is not None:
+        most, least, at_most = level.lit
+        least = level.samples[1] if level.samples is not None and samples > 1 else least
+        slices = min(max(level.slices_for(light), least), at_most)
+        reason = f"1/{slices} of the default: an estimated error of {light * SLICES / slices:.1e} by slices"
+        return Decision("slice_spacing", default_spacing(scene.fields) / slices, reason, "quality")
     by_data = scene.options["slice_spacing"] is not None
     decided = Decision("slice_spacing", spacing, "the default", "data" if by_data else "default")
     if (more := slices_more(level, scene)) != 1:
@@ -107,7 +74,7 @@ def slice_spacing(
     return decided
 
 
-def _fewer(scene: Scene, level: Level, seen: tuple[Camera, tuple[int, int]], usual: Decision) -> Decision:
+def _fewer(scene: Scene, level: Level, seen: tuple[Camera, Size], usual: Decision) -> Decision:
     """Return fewer slices of scattered kernels than usual where thin kernels that hardly show call for many."""
     (most, first), (camera, size) = level.few, seen
     extent = depth_extent(scene, camera)

@@ -14,7 +14,7 @@ from sheetsplat._checks import Bounds
 from sheetsplat.camera import Camera
 from sheetsplat.fields import BrickedField, EllipsoidField, Field, RegularField, joined_bounds
 from sheetsplat.light import Light, Material
-from sheetsplat.look.visible import camera_axes
+from sheetsplat.look.visible import camera_axes, corners_of, depths_of
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 
@@ -181,8 +181,7 @@ def _rays(camera: Camera, size: tuple[int, int]) -> _Rays:
 
 def _depth_range(bounds: Bounds, camera: Camera) -> tuple[float, float]:
     """Return the depths of the nearest and the farthest corner of a box."""
-    corners = np.array(np.meshgrid(*zip(*bounds, strict=True))).reshape(3, -1).T
-    found = -((corners - np.asarray(camera.eye)) @ camera_axes(camera)[2])
+    found = depths_of(corners_of(bounds), camera)
     return float(found.min()), float(found.max())
 
 

@@ -30,6 +30,7 @@ from bench.vtk_casters import CASTERS, Look, Volume, Vtk, VtkMissing
 from sheetsplat import datasets
 from sheetsplat.choose.asked import Asked
 from sheetsplat.choose.picture import choose
+from sheetsplat.fields import default_spacing
 from sheetsplat.options.quality import QUALITIES
 
 #: What is to be reached at the full size: decibels, frame time over the plain frame, weave over that of the finest
@@ -99,7 +100,7 @@ def flat_faces(picture: NDArray[Any]) -> NDArray[np.bool_]:
 
 def finest(scene: ss.Scene, camera: ss.Camera, size: tuple[int, int], renderer: ss.Renderer) -> Floats:
     """Return the picture of a scene with 16 slices to one of the default and the mean of 4 x 4 samples a pixel."""
-    spacing = min(one.default_slice_spacing for one in scene.fields) / _SLICES
+    spacing = default_spacing(scene.fields) / _SLICES
     fine = scene.replace(slice_spacing=spacing, reference_length=scene.reference_length, supersampling=_SAMPLES)
     return np.asarray(renderer.render(fine, camera, size=size).rgba, np.float64)
 

@@ -130,3 +130,14 @@ def test_one_module_decides_on_each_option() -> None:
         "supersampling": ["pixels.py"],
         "filter": ["pixels.py"],
     }
+
+
+def test_the_engine_has_the_same_lengths() -> None:
+    empty = ss.EllipsoidField(np.empty((0, 3)), np.empty(0), None, np.empty(0))
+    volume = ss.RegularField(BALL, spacing=(0.5, 1.0, 2.0))
+    bcc = ss.RegularField(BALL, lattice="bcc")
+    for fields in ([volume], [CLOUD], [volume, CLOUD, empty], [bcc, GRAINS], [empty]):
+        for lengths in ({}, {"slice_spacing": 0.25}, {"reference_length": 3.0}):
+            scene = ss.Scene(fields, [(0, 0, 0, 0, 0), (1, 1, 1, 1, 1)], **lengths)
+            found = scene.native.slice_distance, scene.native.reference_distance
+            assert found == (scene.slice_spacing, scene.reference_length)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sheetsplat._checks import Bounds
 from sheetsplat.camera import Camera
-from sheetsplat.fields import BrickedField, EllipsoidField, Field, RegularField, joined_bounds
+from sheetsplat.fields import BrickedField, EllipsoidField, Field, RegularField, default_spacing, joined_bounds
 from sheetsplat.light import Light, Material
 from sheetsplat.look.visible import camera_axes, corners_of, depths_of
 from sheetsplat.scene import Scene
@@ -102,8 +102,7 @@ def slicing_error(scene: Scene, camera: Camera, size: tuple[int, int], distance:
     differences; clips, shadows and ambient occlusion are left out.
     """
     fields = [one.where_seen(scene.transfer_function) if isinstance(one, BrickedField) else one for one in scene.fields]
-    if distance is None:
-        distance = min(one.default_slice_spacing for one in fields)
+    distance = default_spacing(scene.fields) if distance is None else distance
     boxes = [one.bounds for one in fields]
     rays = _rays(camera, size)
     lengths = sum(np.maximum(last - first, 0.0).sum() for first, last in map(rays.inside, boxes))

@@ -156,7 +156,7 @@ def _framing_all(
     reach = number("render: margin", margin)
     camera = Camera.fit(_Box(bounds), view, upward, projection, reach, fov_y=fov_y)
     seen = visible_points(thing, camera) if isinstance(thing, Scene) and not _is_empty(thing) else None
-    points, beyond = (corners_of(bounds), 0.0) if seen is None else seen
+    points, beyond = (np.ascontiguousarray(corners_of(bounds)), 0.0) if seen is None else seen
     if projection == "perspective":
         camera = _nearest(camera, points, beyond, aspect, reach)
         if nearer == 1.0:

@@ -27,7 +27,7 @@ def _seen_points(scene: Scene, camera: Camera, axis: Floats, degrees: float) -> 
     for look in range(_LOOKS):
         seen = visible_points(scene, turned(camera, axis, degrees * look / _LOOKS))
         if seen is None:
-            return corners_of(bounds_of(scene)), 0.0
+            return np.ascontiguousarray(corners_of(bounds_of(scene))), 0.0
         points, reach = seen
         found.append(points[:: max(1, len(points) // _MOST_POINTS)])
         beyond = max(beyond, reach)

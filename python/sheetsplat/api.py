@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +18,6 @@ from sheetsplat._checks import (
     color,
     image_size,
     instance,
-    is_auto,
     is_off,
     names,
     parts,
@@ -30,14 +28,15 @@ from sheetsplat._objects import kind_of_object
 from sheetsplat._waiting import asking
 from sheetsplat.bricks.workers import look_after
 from sheetsplat.camera import Camera
+from sheetsplat.choose.asked import Asked
+from sheetsplat.choose.decisions import Decisions
+from sheetsplat.choose.kernels import with_own_kernel
+from sheetsplat.choose.look import suggested_look
+from sheetsplat.choose.picture import choose, kept
 from sheetsplat.errors import InvalidInput, complain, option_ref, option_refs, unusable
 from sheetsplat.fields import EllipsoidField, Field, RegularField, any_in_bricks
-from sheetsplat.framing import compose_camera, fitting_depth_cue
 from sheetsplat.image import Image
-from sheetsplat.look.compose import compose_scene, suggested_look
-from sheetsplat.look.decades import in_decades, logarithmic
-from sheetsplat.look.strays import without_strays
-from sheetsplat.look.surface import surface_text
+from sheetsplat.look.decades import logarithmic
 from sheetsplat.notices import warn
 from sheetsplat.options.bricks import cluster_of
 from sheetsplat.options.camera import CameraOptions
@@ -45,7 +44,6 @@ from sheetsplat.options.core import MODES, check_names, documented, filled, pick
 from sheetsplat.options.data import FileOptions, OpenOptions
 from sheetsplat.options.picture import LookOptions, RenderOptions, unused
 from sheetsplat.options.renderer import OUTPUTS, Output, Progress, RendererOptions
-from sheetsplat.quality.choose import Choice
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 
@@ -62,8 +60,6 @@ class VtkDataSet(Protocol):
 
 
 Data = Field | Sequence[Field] | ArrayLike | str | os.PathLike[str] | Mapping[str, Any] | VtkDataSet
-
-_log = logging.getLogger("sheetsplat")
 
 
 def _shape(shape: object) -> tuple[int, int, int]:
@@ -119,11 +115,8 @@ def open(path: Data, **options: Unpack[OpenOptions]) -> RegularField | Ellipsoid
     (1.0, 1.0, 2.0)
     """
     check_names("open", options, OpenOptions)
-    choice = Choice("open", options)
-    field = choice.kernel(_opened(path, options), made=False)
-    for setting in choice.quality.settings:
-        _log.info("quality %s: %s", choice.name, setting)
-    return field
+    asked = Asked.of("open", options)
+    return with_own_kernel(_opened(path, options), asked)
 
 
 def _opened(path: Any, options: Any) -> RegularField | EllipsoidField:
@@ -230,8 +223,8 @@ class Opened:
         return cls(data, tuple(to_fields(path, **pick(OpenOptions, options))))
 
 
-def _scene(opened: Opened, options: Any, outputs: Iterable[str], quality: Choice, *, spacing_is_free: bool) -> Scene:
-    """Return the scene of data and of the options for fields and look; a scene is returned as it is."""
+def _chosen(opened: Opened, options: Any, asked: Asked, size: tuple[int, int], outputs: Iterable[str]) -> Decisions:
+    """Return what is drawn of data: all of a scene is given, of anything else the rest is chosen."""
     look, data = pick_given(LookOptions, options), opened.data
     if isinstance(data, Scene):
         clash = [*look, *_given(OpenOptions, options)]
@@ -244,27 +237,16 @@ def _scene(opened: Opened, options: Any, outputs: Iterable[str], quality: Choice
             )
         if options.get("quality") is not None:
             warn(option_ref("quality") + " changes nothing in a scene, which has its own kernels, slices and filter")
-        return quality.kept(data)
+        return kept(data, options, asked, size)
     if isinstance(data, list | tuple) and len(data) > 1:
         _refuse_one_for_each(len(data), look)
-    look = {**suggested_look(data, look), **look}
-    mode = choice("render: mode", "composite" if look.get("mode") is None else look["mode"], MODES)
-    framed = options.get("camera") is None and options.get("target") is None
-    fields = without_strays(in_decades(opened.fields, look, options.get("log")), look, framed=framed)
-    fields = quality.kernels(fields, made=_is_made(data))
+    suggested = suggested_look(data, look)
     # False has the same effect as leaving the option out.
-    asked = [name for name, value in pick_given(LookOptions, options).items() if value is not False]
-    ignored = unused(mode, [*asked, *outputs])
-    if ignored:
+    wanted = [*(name for name, value in look.items() if value is not False), *outputs]
+    mode = choice("render: mode", look.get("mode", suggested.get("mode", "composite")), MODES)
+    if ignored := unused(mode, wanted):
         warn(f"mode {mode} does not use these options: " + option_refs(ignored))
-    if is_auto(look.get("depth_cue")):
-        # Made when the camera is known.
-        del look["depth_cue"]
-    look.pop("filter", None)
-    scene = quality.slices(compose_scene(fields, spacing_is_free=spacing_is_free, **look), free=spacing_is_free)
-    for note in (*scene.notes, *([surface_text(scene)] if scene.mode == "isosurface" else [])):
-        _log.info("%s", note)
-    return scene
+    return choose(opened.fields, options, asked, size, made=_is_made(data), suggested=suggested)
 
 
 def _warn_of_replaced(options: Any, projection: object) -> None:
@@ -286,6 +268,8 @@ class Prepared:
         What `Renderer.render` takes, and the renderer that draws it.
     outputs, progress, depth_limit, client
         As given.
+    decisions
+        What was chosen, why, and by whom, where `prepare` made it.
     """
 
     scene: Scene
@@ -296,6 +280,7 @@ class Prepared:
     progress: Progress | None = None
     depth_limit: ArrayLike | None = None
     client: Any = None
+    decisions: Decisions | None = None
 
     def render(self) -> Image:
         """Return the picture; raises what `Renderer.render` does."""
@@ -333,23 +318,15 @@ def prepare(data: Data | Dataset | BccVolume | Scene | Opened, **options: Unpack
     renderer: Renderer | None = picture["renderer"]
     if renderer is not None:
         instance("render: renderer", renderer, Renderer)
-    goals = picture if renderer is None else {"max_error": renderer.max_error, "max_seconds": renderer.max_seconds}
-    free = goals["max_error"] is not None or goals["max_seconds"] is not None
     outputs: Any = names("Renderer: outputs", picture["outputs"], OUTPUTS)
-    quality = Choice("render", options)
+    asked = Asked.of("render", options)
     opened = data if isinstance(data, Opened) else Opened.of(data, options)
-    scene = _scene(opened, options, outputs, quality, spacing_is_free=free)
-    camera = picture["camera"]
-    if camera is None:
-        camera = compose_camera(scene, size, **pick(CameraOptions, options))
-    instance("render: camera", camera, Camera)
+    decided = _chosen(opened, options, asked, size, outputs)
     _warn_of_replaced(options, picture["projection"])
-    if is_auto(picture["depth_cue"]):
-        scene = scene.replace(depth_cue=fitting_depth_cue(scene, camera))
-    scene = quality.finished(scene, camera, size)
     if renderer is None:
         renderer = Renderer(**pick(RendererOptions, options))
-    return Prepared(scene, camera, size, renderer, outputs, picture["progress"], picture["depth_limit"], client)
+    rest = outputs, picture["progress"], picture["depth_limit"], client
+    return Prepared(decided.scene, decided.camera, size, renderer, *rest, decided)
 
 
 @documented(RenderOptions, chooses=True)

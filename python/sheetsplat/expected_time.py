@@ -13,7 +13,7 @@ from sheetsplat._time_left import about
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Words, option_ref
 from sheetsplat.fields import EllipsoidField, Field, RegularField, joined_bounds
-from sheetsplat.look.visible import camera_axes
+from sheetsplat.look.visible import camera_axes, depths_of
 from sheetsplat.notices import warn
 from sheetsplat.quality.slicing import depth_extent
 from sheetsplat.scene import Scene
@@ -151,8 +151,7 @@ class _Screen:
         """Return that of a scene with several samples a pixel."""
         fine = (size[0] * scene.supersampling, size[1] * scene.supersampling)
         middle = np.mean(joined_bounds([one.bounds for one in scene.fields if one.size]), axis=0)
-        depth = -float((middle - camera.eye) @ camera_axes(camera)[2])
-        return cls(camera, fine, depth)
+        return cls(camera, fine, float(depths_of(middle, camera)))
 
     @property
     def points(self) -> int:

@@ -14,7 +14,7 @@ from sheetsplat.effects import DepthCue
 from sheetsplat.errors import InvalidInput, complain, unusable
 from sheetsplat.fields import Field
 from sheetsplat.look.measure import Floats
-from sheetsplat.look.visible import camera_axes, visible_points
+from sheetsplat.look.visible import camera_axes, corners_of, visible_points
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import check_names, filled
 from sheetsplat.orientation import Z_UP, Orientation
@@ -26,9 +26,7 @@ _COARSEST = 0.5
 
 def fitting_depth_cue(scene: Scene, camera: Camera, color: Vector = (0.0, 0.0, 0.0), strength: float = 0.8) -> DepthCue:
     """Return a depth cue from the nearest to the farthest corner of the fields' box, as far as the camera sees it."""
-    low, high = bounds_of(scene)
-    corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
-    depths = [-camera.native.to_eye((float(x), float(y), float(z)))[2] for x, y, z in corners]
+    depths = [-camera.native.to_eye((float(x), float(y), float(z)))[2] for x, y, z in corners_of(bounds_of(scene))]
     start = max(min(depths), camera.near) if camera.kind == "perspective" else min(depths)
     # The box may have no extent along the view, or lie behind the eye.
     end = max(depths) if max(depths) > start else start + max(abs(start), 1.0)
@@ -157,9 +155,8 @@ def _framing_all(
     aspect = height / width
     reach = number("render: margin", margin)
     camera = Camera.fit(_Box(bounds), view, upward, projection, reach, fov_y=fov_y)
-    corners = np.stack(np.meshgrid(*np.transpose(bounds)), axis=-1).reshape(8, 3)
     seen = visible_points(thing, camera) if isinstance(thing, Scene) and not _is_empty(thing) else None
-    points, beyond = (corners, 0.0) if seen is None else seen
+    points, beyond = (np.ascontiguousarray(corners_of(bounds)), 0.0) if seen is None else seen
     if projection == "perspective":
         camera = _nearest(camera, points, beyond, aspect, reach)
         if nearer == 1.0:

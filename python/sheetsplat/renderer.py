@@ -23,7 +23,6 @@ from sheetsplat.fields import any_in_bricks
 from sheetsplat.image import ErrorEstimate, Image
 from sheetsplat.limits import Depths, checked_depths
 from sheetsplat.look import empty
-from sheetsplat.look.ends import warn_of_ends
 from sheetsplat.notices import is_muted, muted, warn
 from sheetsplat.options.core import checked, definitions, documented, filled
 from sheetsplat.options.renderer import (
@@ -433,7 +432,7 @@ class Renderer:
         # A coarse stage may miss what the last one shows.
         if image.stats.get("stage") == image.stats.get("stages"):
             empty.warn_of_unseen(image, scene)
-            warn_of_ends(scene)
+            empty.warn_of_ends(scene)
             self._warn_of_unmet(image, scene)
             warn_of_lost(scene, camera, view.size)
             self._warn_of_light(image)
@@ -467,7 +466,7 @@ class Renderer:
     def _warn_of_unmet(image: Image, scene: Scene) -> None:
         """Warn of kernels that would show and that no slice meets."""
         settings = image.settings or {}
-        shown = scene.replace(slice_spacing=settings["slice_spacing"]) if "slice_spacing" in settings else scene
+        shown = scene.sketch(slice_spacing=settings["slice_spacing"]) if "slice_spacing" in settings else scene
         point = settings.get("sampling", scene.options["sampling"]) == "point"
         if is_muted() or not point or scene.filter is not None or not may_be_flat(shown):
             return

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import Bounds, Triple
 from sheetsplat.errors import complain
-from sheetsplat.fields import BrickedKernels, Field, as_fields, joined_bounds
+from sheetsplat.fields import BrickedKernels, Field, as_fields, default_spacing, joined_bounds
 from sheetsplat.light import Light, Material
 from sheetsplat.options.core import check_names, checked, documented
 from sheetsplat.options.scene import IsoValue, SceneOptions, surfaces_of
@@ -23,6 +23,8 @@ from sheetsplat.transfer import TransferFunction
 
 # A transfer function, or its points.
 Look = TransferFunction | Sequence[Sequence[float]] | NDArray[Any]
+# Fields whose scalars add up, each with its transfer function.
+Groups = list[tuple[tuple[Field, ...], TransferFunction]]
 
 
 def _is_table(value: object) -> bool:
@@ -39,7 +41,7 @@ def _is_several(transfer_function: object) -> bool:
     )
 
 
-def _groups(field: object, transfer_function: object) -> list[tuple[tuple[Field, ...], TransferFunction]]:
+def _groups(field: object, transfer_function: object) -> Groups:
     """Return the groups of fields whose scalars add up, each with its transfer function."""
     several = _is_several(transfer_function)
     given: Any = transfer_function if several else [transfer_function]
@@ -96,7 +98,8 @@ class Scene:
     'mip'
     """
 
-    __slots__ = ("_groups", "_options", "_quality", "native")
+    __slots__ = ("_groups", "_native", "_options", "_quality")
+    _native: _sheetsplat.Scene | None
     _quality: PictureQuality | None
 
     def __init__(
@@ -107,16 +110,35 @@ class Scene:
     ) -> None:
         check_names("Scene", options, SceneOptions)
         self._make(_groups(field, transfer_function), checked("Scene", options, SceneOptions))
+        self.check()
 
     @classmethod
-    def of_checked(cls, field: Field, transfer_function: TransferFunction, options: Mapping[str, Any]) -> Scene:
-        """Return the scene of a field with all options of another one, `Scene.options`, which are not checked again."""
+    def sketched(cls, field: object, transfer_function: object, options: Mapping[str, Any]) -> Scene:
+        """Return what `Scene` does, but for `check`."""
+        return cls.of_checked(_groups(field, transfer_function), checked("Scene", options, SceneOptions))
+
+    @classmethod
+    def of_checked(cls, groups: Groups, options: Mapping[str, Any]) -> Scene:
+        """Return the scene of groups and of all options of another one, `Scene.options`, which are not checked."""
         made = cls.__new__(cls)
-        made._make([((field,), transfer_function)], dict(options))
+        made._make(groups, dict(options))
         return made
 
-    def _make(self, groups: list[tuple[tuple[Field, ...], TransferFunction]], options: dict[str, Any]) -> None:
-        self._groups, self._options, self._quality = groups, options, None
+    def _make(
+        self,
+        groups: Groups,
+        options: dict[str, Any],
+        quality: PictureQuality | None = None,
+        native: _sheetsplat.Scene | None = None,
+    ) -> None:
+        self._groups, self._options, self._quality, self._native = groups, options, quality, native
+
+    def check(self) -> None:
+        """Make the native scene, once, or raise what is wrong with what options mean together."""
+        if self._native is None:
+            self._native = self._made()
+
+    def _made(self) -> _sheetsplat.Scene:
         native = {name: _native(value) for name, value in self._options.items()}
         # The engine makes the numbers of a scalar picture; the image makes their colours, and the mean of samples.
         del native["scalar_colors"], native["supersampling"]
@@ -124,13 +146,19 @@ class Scene:
         native["second_order"] = native["preintegration"] == "second_order"
         native["preintegration"] = bool(native["preintegration"])
         native["iso_value"] = self.surfaces
-        natives = [([one.native for one in fields], function.native) for fields, function in groups]
-        spacings = [one.default_slice_spacing for one in self.fields if isinstance(one, BrickedKernels)]
-        for length in ("slice_spacing", "reference_length"):
+        if any(isinstance(one, BrickedKernels) for one in self.fields):
             # The native field of kernels in bricks is a sample, which would have slices farther apart.
-            if native[length] is None and spacings:
-                native[length] = min(spacings)
-        self.native = _sheetsplat.Scene(natives, **native)
+            native |= {"slice_spacing": self.slice_spacing, "reference_length": self.reference_length}
+        return _sheetsplat.Scene(
+            [([one.native for one in fields], function.native) for fields, function in self._groups], **native
+        )
+
+    @property
+    def native(self) -> _sheetsplat.Scene:
+        """The scene of the native renderer."""
+        self.check()
+        assert self._native is not None
+        return self._native
 
     def replace(self, **changes: Any) -> Scene:
         """Return a scene with some options changed and all others as in this one.
@@ -146,16 +174,18 @@ class Scene:
         InvalidInput
             As `Scene`, and for unknown names.
         """
+        made = self.sketch(**changes)
+        made.check()
+        return made
+
+    def sketch(self, **changes: Any) -> Scene:
+        """Return what `replace` does, but for `check`."""
         check_names("Scene.replace", changes, SceneOptions, ("field", "transfer_function"))
         own = len(self._groups) > 1
         # One transfer function in place of several classifies the sum of all fields.
-        stay = own and _is_several(changes.get("transfer_function", self.transfer_functions))
-        given = {
-            "field": self.groups if stay else self.fields,
-            "transfer_function": self.transfer_functions if own else self.transfer_function,
-            **self._options,
-        }
-        return Scene(**{**given, **changes})
+        functions = changes.pop("transfer_function", self.transfer_functions if own else self.transfer_function)
+        fields = changes.pop("field", self.groups if own and _is_several(functions) else self.fields)
+        return Scene.sketched(fields, functions, {**self._options, **changes})
 
     @property
     def quality(self) -> PictureQuality | None:
@@ -164,8 +194,8 @@ class Scene:
 
     def with_quality(self, quality: PictureQuality | None) -> Scene:
         """Return the same scene with what a quality set, which its plans then say; it does not count for equality."""
-        made = self.replace()
-        object.__setattr__(made, "_quality", quality)
+        made = Scene.__new__(Scene)
+        made._make(self._groups, self._options, quality, self._native)
         return made
 
     @property
@@ -254,12 +284,16 @@ class Scene:
     @property
     def slice_spacing(self) -> float:
         """Distance of slices in world units."""
-        return self.native.slice_distance
+        return self._length("slice_spacing")
 
     @property
     def reference_length(self) -> float:
         """Length in world units to which opacities refer."""
-        return self.native.reference_distance
+        return self._length("reference_length")
+
+    def _length(self, option: str) -> float:
+        given: float | None = self._options[option]
+        return default_spacing(self.fields) if given is None else given
 
     @property
     def bounds(self) -> Bounds:

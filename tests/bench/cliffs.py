@@ -15,8 +15,8 @@ from bench.quality import measured
 from bench.report import Options, Report, Row, columns, environment
 from bench.scenes import ellipsoids, spheres
 from sheetsplat import datasets
+from sheetsplat.choose.look import compose_scene
 from sheetsplat.fields import Field
-from sheetsplat.look.compose import compose_scene
 
 # How many of the steepest are listed.
 _LISTED = 10

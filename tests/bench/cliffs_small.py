@@ -15,8 +15,8 @@ from bench.effect_costs import EFFECTS, VIEWS, Conditions, Subject, surface, tim
 from bench.report import Row
 from bench.scenes import ellipsoids
 from sheetsplat import datasets
+from sheetsplat.choose.look import compose_scene
 from sheetsplat.fields import Field
-from sheetsplat.look.compose import compose_scene
 
 #: Where the ratios are stored: {field: {row: [ratio, ratio of the first frame]}}.
 STORED = Path(__file__).with_suffix(".json")

@@ -17,12 +17,14 @@ import sheetsplat as ss
 from bench.measure import Timing, attempt, away, clock
 from bench.report import Row
 from sheetsplat.camera import bounds_of
+from sheetsplat.choose.asked import Asked
+from sheetsplat.choose.kernels import with_kernel
+from sheetsplat.choose.picture import at_quality
 from sheetsplat.fields import Field
 from sheetsplat.framing import fitting_depth_cue
 from sheetsplat.look import automatic
 from sheetsplat.options.core import COLORED
 from sheetsplat.options.picture import unused
-from sheetsplat.quality.choose import Choice
 
 #: Views of the orbit that are timed at most; further ones make the first frames.
 VIEWS = 5
@@ -115,12 +117,11 @@ class Subject:
         quality = next((effect.quality for effect in effects if effect.quality), "")
         if not quality:
             return self.base.replace(**changes)
-        choice = Choice("bench", {"quality": quality})
+        asked = Asked.of("bench", {"quality": quality})
         if quality not in self._kernels:
-            self._kernels[quality] = choice.kernels(self.base.fields, made=False)
+            self._kernels[quality] = [with_kernel(one, asked, made=False)[0] for one in self.base.fields]
         changes |= {"field": self._kernels[quality], "reference_length": self.base.reference_length}
-        scene = choice.slices(self.base.replace(**changes), free=False)
-        return choice.finished(scene, self.camera(0), size)
+        return at_quality(self.base.replace(**changes), asked, self.camera(0), size)[0]
 
 
 def _clip(subject: Subject) -> Mapping[str, Any]:

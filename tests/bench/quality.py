@@ -28,10 +28,10 @@ from bench.prefilter import POINTS, flat_picture, view
 from bench.report import Goal, Options, Report, Row, columns, environment
 from bench.vtk_casters import CASTERS, Look, Volume, Vtk, VtkMissing
 from sheetsplat import datasets
-from sheetsplat.framing import compose_camera
-from sheetsplat.look.compose import compose_scene
+from sheetsplat.choose.asked import Asked
+from sheetsplat.choose.picture import choose
+from sheetsplat.fields import default_spacing
 from sheetsplat.options.quality import QUALITIES
-from sheetsplat.quality.choose import Choice
 
 #: What is to be reached at the full size: decibels, frame time over the plain frame, weave over that of the finest
 #: picture, and `image.error`.
@@ -67,10 +67,9 @@ def composed(
     field: ss.RegularField, name: str, size: tuple[int, int], camera: ss.Camera | None = None, **look: Any
 ) -> tuple[ss.Scene, ss.Camera]:
     """Return scene and camera of a picture of a quality, as `sheetsplat.render` makes them of an array."""
-    choice = Choice("bench", {"quality": name})
-    scene = choice.slices(compose_scene(choice.kernels([field], made=False), **look), free=False)
-    camera = camera or compose_camera(scene, size)
-    return choice.finished(scene, camera, size), camera
+    asked = Asked.of("render", {"quality": name})
+    made = choose([field], {**look, "log": False, "camera": camera}, asked, size)
+    return made.scene, made.camera
 
 
 def measured(options: Options, name: str) -> ss.RegularField:
@@ -101,7 +100,7 @@ def flat_faces(picture: NDArray[Any]) -> NDArray[np.bool_]:
 
 def finest(scene: ss.Scene, camera: ss.Camera, size: tuple[int, int], renderer: ss.Renderer) -> Floats:
     """Return the picture of a scene with 16 slices to one of the default and the mean of 4 x 4 samples a pixel."""
-    spacing = min(one.default_slice_spacing for one in scene.fields) / _SLICES
+    spacing = default_spacing(scene.fields) / _SLICES
     fine = scene.replace(slice_spacing=spacing, reference_length=scene.reference_length, supersampling=_SAMPLES)
     return np.asarray(renderer.render(fine, camera, size=size).rgba, np.float64)
 

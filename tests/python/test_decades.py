@@ -7,7 +7,7 @@ import pytest
 from command_line import run
 
 import sheetsplat as ss
-from sheetsplat.look.compose import compose_scene
+from sheetsplat.choose.look import compose_scene
 from sheetsplat.look.decades import floor_of, in_decades
 
 SMALL = {"size": (32, 32), "backend": "cpu"}

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import sheetsplat as ss
+from sheetsplat.choose.look import compose_scene
 from sheetsplat.cli import info
 from sheetsplat.look import automatic
-from sheetsplat.look.compose import compose_scene
 from sheetsplat.look.empty import why_empty
 from sheetsplat.look.transparency import DEPTH, median_depth
 

@@ -11,12 +11,12 @@ from command_line import run
 
 import sheetsplat as ss
 from bench.first_sight import SETS
+from sheetsplat.choose.look import compose_scene
 from sheetsplat.cli import info
 from sheetsplat.figure import color_bars
 from sheetsplat.io.opening import read_scattered
 from sheetsplat.io.triangle_meshes import without_holes
 from sheetsplat.look import automatic, histogram
-from sheetsplat.look.compose import compose_scene
 from sheetsplat.look.empty import why_one_color
 from sheetsplat.look.measure import coarse_picture
 from sheetsplat.look.surface import surface_color, surface_limits

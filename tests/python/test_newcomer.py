@@ -11,9 +11,9 @@ import pytest
 from command_line import run
 
 import sheetsplat as ss
+from sheetsplat.choose.look import compose_scene
 from sheetsplat.framing import compose_camera
 from sheetsplat.io.pictures import read_picture
-from sheetsplat.look.compose import compose_scene
 from sheetsplat.look.empty import why_empty
 from sheetsplat.look.surface import surface_color, surface_text
 

@@ -8,8 +8,8 @@ from scattered_files import ply_bytes, stored
 from test_io import VALUES, meta_header, nrrd_header
 
 import sheetsplat as ss
+from sheetsplat.choose.look import compose_scene
 from sheetsplat.framing import compose_camera
-from sheetsplat.look.compose import compose_scene
 
 PATIENT = ss.Orientation((0, 0, 1), (0, -1, 0))
 STEPS = "(1,0,0) (0,2,0) (0,0,3)"

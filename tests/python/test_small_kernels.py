@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import sheetsplat as ss
+from sheetsplat.choose.look import compose_scene
 from sheetsplat.framing import compose_camera
-from sheetsplat.look.compose import compose_scene
 from sheetsplat.quality.thin import may_be_thin, small_kernels, unmet_kernels
 
 SIZE = (48, 48)

@@ -32,12 +32,12 @@ from sheetsplat.accuracy.lattice_sweeps import BEST_KERNEL, interpolating
 from sheetsplat.accuracy.report import AccuracyReport, AccuracyRow, TruthText, front
 from sheetsplat.accuracy.sweeps import sweep
 from sheetsplat.camera import Camera
+from sheetsplat.choose.picture import scene_of_quality
 from sheetsplat.errors import Cancelled, Error, complain, option_refs, unusable
 from sheetsplat.image import Image, pixels_of
 from sheetsplat.notices import muted
 from sheetsplat.options.core import COLORED
 from sheetsplat.options.renderer import Backend, Progress
-from sheetsplat.quality.choose import scene_of_quality
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from sheetsplat.accuracy import lattice_sweeps
 from sheetsplat.accuracy.knobs import BEST, CONVERGED, INTERPOLATED, Base, Setting, call_text, calls_for_gradients
+from sheetsplat.choose.picture import scene_of_quality
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.options.picture import unused
 from sheetsplat.options.quality import QUALITIES
-from sheetsplat.quality.choose import scene_of_quality
 from sheetsplat.transfer import TransferFunction
 
 _SPACINGS = (4.0, 2.0, 1.0, 0.5, 0.25)

@@ -10,7 +10,7 @@ import numpy as np
 from sheetsplat.animation.path import turned
 from sheetsplat.camera import Camera, bounds_of
 from sheetsplat.look.measure import Floats
-from sheetsplat.look.visible import camera_axes, visible_points
+from sheetsplat.look.visible import camera_axes, corners_of, visible_points
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import filled
 from sheetsplat.scene import Scene
@@ -27,7 +27,7 @@ def _seen_points(scene: Scene, camera: Camera, axis: Floats, degrees: float) -> 
     for look in range(_LOOKS):
         seen = visible_points(scene, turned(camera, axis, degrees * look / _LOOKS))
         if seen is None:
-            return np.stack(np.meshgrid(*np.transpose(bounds_of(scene))), axis=-1).reshape(8, 3), 0.0
+            return np.ascontiguousarray(corners_of(bounds_of(scene))), 0.0
         points, reach = seen
         found.append(points[:: max(1, len(points) // _MOST_POINTS)])
         beyond = max(beyond, reach)

@@ -14,6 +14,8 @@ from sheetsplat.animation.sources import SharedLook
 from sheetsplat.animation.steps import Steps
 from sheetsplat.bricks.needs import bricked_field, one_backend
 from sheetsplat.camera import Camera
+from sheetsplat.choose.asked import Asked
+from sheetsplat.choose.kernels import with_kernel
 from sheetsplat.fields import Field, RegularField
 from sheetsplat.framing import compose_camera, fitting_depth_cue
 from sheetsplat.look.automatic import choose
@@ -26,7 +28,6 @@ from sheetsplat.options.core import MODES, definitions, pick, pick_given
 from sheetsplat.options.data import OpenOptions
 from sheetsplat.options.look import DEFAULT_CMAP
 from sheetsplat.options.picture import LookOptions
-from sheetsplat.quality.choose import Choice
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 
@@ -181,7 +182,8 @@ def _kernel(shared: Field, step: Field, options: dict[str, Any], *, made: bool) 
     """Return the kernels of all volumes, as the quality finds them for one step; None: as they are."""
     if not isinstance(shared, RegularField) or not isinstance(step, RegularField) or (made and step.settled):
         return None
-    found = Choice("render", {name: one for name, one in options.items() if name != "filter"}).kernel(step, made=made)
+    asked = Asked.of("render", {name: one for name, one in options.items() if name != "filter"})
+    found = with_kernel(step, asked, made=made)[0]
     return {name: getattr(found, name) for name in _KERNEL} | (
         {} if found.prefilter else {"normalization": found.normalization}
     )

@@ -55,7 +55,7 @@ def native_part(
     options["background"] = None
     if in_front is None:
         options["opacity_stop"] = 1.0
-    native = Scene.of_checked(field, view.transfer_function, options).native
+    native = Scene.of_checked([((field,), view.transfer_function)], options).native
     return native.with_part(
         cell=view.cell(number),
         centres=view.whole.centres,

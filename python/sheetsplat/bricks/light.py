@@ -78,7 +78,7 @@ def planned_light(view: BrickView, field: Field) -> BrickView:
     """
     if not view.is_dimmed:
         return view.replace(light=None)
-    native = Scene.of_checked(field, view.transfer_function, view.options).native.with_part(
+    native = Scene.of_checked([((field,), view.transfer_function)], view.options).native.with_part(
         cell=EVERYWHERE,
         centres=view.whole.centres,
         depths=view.depths(),

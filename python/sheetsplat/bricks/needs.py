@@ -19,11 +19,11 @@ from sheetsplat.bricks.sources import BrickSource
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.bricks.whole import Whole
 from sheetsplat.camera import Camera
+from sheetsplat.choose.asked import allowed_error
 from sheetsplat.errors import Unsupported, complain
 from sheetsplat.fields import BrickedField, BrickedKernels, Field, RegularField
 from sheetsplat.limits import Depths
 from sheetsplat.plan import RenderPlan
-from sheetsplat.quality.choose import allowed_error
 from sheetsplat.scene import Scene
 from sheetsplat.supersampling import fine_depths, fine_size
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Unpack
@@ -21,6 +20,8 @@ from sheetsplat.bricks.prober import BrickProber
 from sheetsplat.bricks.sources import BrickSource, open_source
 from sheetsplat.bricks.statistics import Survey, SurveyPlan, first_sample, merge_surveys, survey_of
 from sheetsplat.bricks.workers import look_after
+from sheetsplat.choose.asked import Asked
+from sheetsplat.choose.kernels import with_own_kernel
 from sheetsplat.errors import complain, option_ref, option_refs, unusable
 from sheetsplat.fields import BrickedField, BrickedKernels
 from sheetsplat.fields.regular import narrowest
@@ -30,9 +31,6 @@ from sheetsplat.options.bricks import OpenBricksOptions, cluster_of, edge_of, fo
 from sheetsplat.options.core import check_names, definitions, documented
 from sheetsplat.options.data import KernelOptions, PlacementOptions
 from sheetsplat.options.quality import QUALITIES
-from sheetsplat.quality.choose import Choice
-
-_log = logging.getLogger("sheetsplat")
 
 # Of all that is done, what the first reading is: a second one sorts kernels, or makes levels.
 _SURVEY = 0.5
@@ -119,10 +117,8 @@ def _opened(path_or_array: Any, options: OpenBricksOptions) -> BrickedField | Br
     source = open_source(path_or_array, {name: given[name] for name in _SAMPLES if name in given})
     cut = _Cut(brick, levels, scratch)
     field = _field(source, cut, client, given)
-    choice = Choice("open_bricks", {name: value for name, value in options.items() if name not in _OWN})
-    made = choice.kernel(field.probed_by(BrickProber.of(client)), made=False)
-    for setting in choice.quality.settings:
-        _log.info("quality %s: %s", choice.name, setting)
+    asked = Asked.of("open_bricks", {name: value for name, value in options.items() if name not in _OWN})
+    made = with_own_kernel(field.probed_by(BrickProber.of(client)), asked)
     return made.opened_with({name: value for name, value in given.items() if name != "quality"})
 
 

@@ -44,9 +44,9 @@ def command(
     """Render a generated data set, and print the path of the picture."""
     from sheetsplat import datasets
     from sheetsplat._checks import image_size
+    from sheetsplat.choose.picture import scene_of_quality
     from sheetsplat.framing import compose_camera
     from sheetsplat.io import pictures
-    from sheetsplat.quality.choose import scene_of_quality
     from sheetsplat.renderer import Renderer
 
     pictures.check_suffix(output)

@@ -11,7 +11,6 @@ from click.core import ParameterSource
 
 from sheetsplat.cli.types import ColorPairs
 from sheetsplat.cli.wording import usage_errors
-from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import definitions, pick
 from sheetsplat.options.data import OpenOptions
 from sheetsplat.options.picture import LookOptions, RenderOptions
@@ -21,7 +20,6 @@ from sheetsplat.options.spelling import flag_of
 if TYPE_CHECKING:
     from sheetsplat.camera import Camera
     from sheetsplat.fields import Field
-    from sheetsplat.quality.choose import Choice
     from sheetsplat.renderer import Renderer
     from sheetsplat.scene import Scene
 
@@ -149,9 +147,8 @@ def prepare(
         return prepare_scene_file(path, (), options)
     from sheetsplat import api
     from sheetsplat._checks import image_size
-    from sheetsplat.look.decades import in_decades
-    from sheetsplat.look.strays import without_strays
-    from sheetsplat.quality.choose import Choice
+    from sheetsplat.choose.asked import Asked
+    from sheetsplat.choose.picture import choose
     from sheetsplat.renderer import Renderer
 
     effects = forced_effects(options["effects"])
@@ -159,28 +156,10 @@ def prepare(
     with usage_errors():
         look = _look(options)
     opened = file_options(options)
-    quality = Choice("render", {name: value for name, value in options.items() if value is not None})
+    asked = Asked.of("render", {name: value for name, value in options.items() if value is not None})
     with usage_errors(reading=True):
-        found = api.to_fields(path, **opened) if open_file is None else [open_file(path, **opened)]
-        fields = in_decades(found, look, opened["log"])
-        fields = quality.kernels(without_strays(fields, look, framed=options["target"] is None), made=False)
+        fields = api.to_fields(path, **opened) if open_file is None else [open_file(path, **opened)]
     with usage_errors():
-        scene, camera = _seen(fields, look, options, size, quality)
-        return scene, camera, Renderer(**{**pick(RendererOptions, options), "effects": effects}), size
-
-
-def _seen(
-    fields: Sequence[Field], look: dict[str, Any], options: dict[str, Any], size: tuple[int, int], quality: Choice
-) -> tuple[Scene, Camera]:
-    """Return scene and camera of fields and the values of `scene_options`."""
-    from sheetsplat import framing
-    from sheetsplat.look.compose import compose_scene
-
-    free = options["max_error"] is not None or options["max_seconds"] is not None
-    look.pop("filter")
-    scene = quality.slices(compose_scene(fields, **look, spacing_is_free=free), free=free)
-    camera = framing.compose_camera(scene, size, **pick(CameraOptions, options))
-    if options["depth_cue"] == "auto":
-        color = options["depth_cue_color"] or (0, 0, 0)
-        scene = scene.replace(depth_cue=framing.fitting_depth_cue(scene, camera, color))
-    return quality.finished(scene, camera, size), camera
+        given = {**options, **look, "log": opened["log"]}
+        made = choose(fields, given, asked, size, cue_color=options["depth_cue_color"] or (0, 0, 0))
+        return made.scene, made.camera, Renderer(**{**pick(RendererOptions, options), "effects": effects}), size

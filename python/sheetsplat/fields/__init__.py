@@ -1,6 +1,6 @@
 """Fields: sets of kernels whose weighted sums are the scalar that is shown. Conventions, section 2 (Fields)."""
 
-from sheetsplat.fields.base import Field, Normalization, as_fields, joined_bounds
+from sheetsplat.fields.base import Field, Normalization, as_fields, default_spacing, joined_bounds
 from sheetsplat.fields.bricked import BrickedField
 from sheetsplat.fields.bricked_kernels import BrickedKernels, KernelFacts, any_in_bricks, has_values_at_points
 from sheetsplat.fields.ellipsoid import EllipsoidField
@@ -19,6 +19,7 @@ __all__ = [
     "RegularField",
     "as_fields",
     "as_samples",
+    "default_spacing",
     "has_values_at_points",
     "any_in_bricks",
     "joined_bounds",

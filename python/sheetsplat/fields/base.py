@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, Literal, Self
@@ -330,3 +330,8 @@ def joined_bounds(boxes: list[Bounds]) -> Bounds:
     lower = np.min([box[0] for box in there], axis=0)
     upper = np.max([box[1] for box in there], axis=0)
     return triple("bounds", lower), triple("bounds", upper)
+
+
+def default_spacing(fields: Iterable[Field]) -> float:
+    """Return the smallest distance of slices that fields suggest, world units; 1 without a kernel."""
+    return min((one.default_slice_spacing for one in fields if one.size), default=1.0)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.errors import option_ref
-from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.fields import EllipsoidField, Field, RegularField, default_spacing
 from sheetsplat.fields.samples import Samples
 from sheetsplat.look.histogram import Look, beyond_pictures, choose_for, scaled_opacity, without_outliers
 from sheetsplat.look.measure import with_values
@@ -71,7 +71,7 @@ def choose(fields: Sequence[Field]) -> Look:
         # Hardly more positions are not worth the time.
         values = field.at(places_in(field, affordable)) if affordable >= 2 * _FEW_PLACES else few
         look = _wide_enough(choose_for(values, extremes=True), field)
-    spacing = min(one.default_slice_spacing for one in fields if one.size) if places.size else 1.0
+    spacing = default_spacing(fields) if places.size else 1.0
     usual = _usual_spacing(places, spacing)
     share = min(1.0, spacing / usual)
     # A weighted mean ends abruptly at the border of the weights; too few slices leave visible steps there.

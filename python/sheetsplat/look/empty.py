@@ -1,4 +1,4 @@
-"""Pictures that show nothing, or all values alike: whether they do, and why."""
+"""Pictures that show nothing, or all values alike, or ends that are none: whether they do, and why."""
 
 from __future__ import annotations
 
@@ -217,3 +217,16 @@ def _bounds_of_group(fields: Sequence[Field], function: TransferFunction) -> tup
     # Where fields overlap their scalars add up; elsewhere there is one alone.
     below, above = [value for value in lows if value < 0], [value for value in highs if value > 0]
     return sum(below) if below else min(lows), sum(above) if above else max(highs)
+
+
+def warn_of_ends(scene: Scene) -> None:
+    """Warn of volumes in one group that are drawn as if they fell to 0, where its fields end in different places."""
+    for group in scene.groups:
+        ends = [one.domain if isinstance(one, RegularField) else None for one in group]
+        volumes = [one for one, end in zip(group, ends, strict=True) if end is not None and one.size]
+        if len(set(ends)) > 1 and any(one.base != 0.0 for one in volumes):
+            warn(
+                "fields that add up end in different places: their volumes fall to 0 at their boundaries, through all "
+                "values between; give each a transfer function of its own, or join them into one array"
+            )
+            return

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.errors import Words, option_ref
-from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Field, RegularField
+from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Field, RegularField, default_spacing
 from sheetsplat.fields.samples import ArraySamples, Samples
 from sheetsplat.fields.trim import Trim
 from sheetsplat.look.histogram import usual_value, within_pictures
@@ -165,7 +165,7 @@ def _near(field: EllipsoidField, fields: Sequence[Field]) -> EllipsoidField:
     if field.ghosts or field.size < _FEWEST or isinstance(field, BrickedKernels):
         return field
     wanted = kernel_spacing(field)
-    spacing = min(one.default_slice_spacing for one in fields if one.size)
+    spacing = default_spacing(fields)
     if not spacing > COARSE * wanted > 0.0:
         return field
     middle, reach = _ball(field)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat._checks import triple
+from sheetsplat._checks import Bounds, triple
 from sheetsplat.camera import Camera
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.look.measure import Floats, Measure, coarse_picture, measure_kernels, measure_volumes
@@ -39,6 +39,17 @@ def camera_axes(camera: Camera) -> Floats:
     """Return right, up and backwards of a camera in the world, as rows."""
     unit = np.eye(3)
     return np.array([camera.native.direction_to_eye(triple("axis", axis)) for axis in unit]).T
+
+
+def corners_of(box: Bounds) -> Floats:
+    """Return the corners of a box, (8, 3); columns lie in one piece, as sums over rows round by their layout."""
+    return np.array(np.meshgrid(*np.transpose(box))).reshape(3, 8).T
+
+
+def depths_of(points: Floats, camera: Camera) -> Floats:
+    """Return depths of points (N, 3) before a camera."""
+    found: Floats = -((points - np.asarray(camera.eye)) @ camera_axes(camera)[2])
+    return found
 
 
 def visible_points(scene: Scene, camera: Camera) -> tuple[Floats, float] | None:

@@ -44,18 +44,18 @@ def keeping(scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene | None
         return None
     count = min(MOST_SAMPLES, max(1, _LONGEST // max(size)), samples_for_ends(scene, camera, size))
     if count > scene.supersampling:
-        ended = scene.replace(supersampling=count)
+        ended = scene.sketch(supersampling=count)
         return keeping(ended, camera, size) or ended
     if scene.filter is not None:
         return None
     fine = fine_size(size, scene.supersampling)
     if coarse_lattice(scene, camera, fine):
-        return scene.replace(filter="ewa")
+        return scene.sketch(filter="ewa")
     sums = sampled_sums(scene, camera, fine)
     if sums.means <= MOST_MEANS:
-        return scene.replace(filter="ewa") if sums.lose_mass else None
+        return scene.sketch(filter="ewa") if sums.lose_mass else None
     count = min(_OF_MEANS, _LONGEST // max(size))
-    return scene.replace(supersampling=count) if sums.wrong >= LEAST_WRONG and count > scene.supersampling else None
+    return scene.sketch(supersampling=count) if sums.wrong >= LEAST_WRONG and count > scene.supersampling else None
 
 
 def with_lost(found: ErrorEstimate, drawn: NDArray[np.float32], kept: NDArray[np.float32]) -> ErrorEstimate:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from sheetsplat._checks import Bounds
 from sheetsplat.camera import Camera
-from sheetsplat.fields import BrickedField, EllipsoidField, Field, RegularField, joined_bounds
+from sheetsplat.fields import BrickedField, EllipsoidField, Field, RegularField, default_spacing, joined_bounds
 from sheetsplat.light import Light, Material
-from sheetsplat.look.visible import camera_axes
+from sheetsplat.look.visible import camera_axes, corners_of, depths_of
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 
@@ -102,8 +102,7 @@ def slicing_error(scene: Scene, camera: Camera, size: tuple[int, int], distance:
     differences; clips, shadows and ambient occlusion are left out.
     """
     fields = [one.where_seen(scene.transfer_function) if isinstance(one, BrickedField) else one for one in scene.fields]
-    if distance is None:
-        distance = min(one.default_slice_spacing for one in fields)
+    distance = default_spacing(scene.fields) if distance is None else distance
     boxes = [one.bounds for one in fields]
     rays = _rays(camera, size)
     lengths = sum(np.maximum(last - first, 0.0).sum() for first, last in map(rays.inside, boxes))
@@ -181,8 +180,7 @@ def _rays(camera: Camera, size: tuple[int, int]) -> _Rays:
 
 def _depth_range(bounds: Bounds, camera: Camera) -> tuple[float, float]:
     """Return the depths of the nearest and the farthest corner of a box."""
-    corners = np.array(np.meshgrid(*zip(*bounds, strict=True))).reshape(3, -1).T
-    found = -((corners - np.asarray(camera.eye)) @ camera_axes(camera)[2])
+    found = depths_of(corners_of(bounds), camera)
     return float(found.min()), float(found.max())
 
 

@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.camera import Camera
 from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, RegularField
-from sheetsplat.look.visible import camera_axes
+from sheetsplat.look.visible import camera_axes, corners_of, depths_of
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 
@@ -161,7 +161,7 @@ def small_kernels(scene: Scene, camera: Camera, size: tuple[int, int]) -> Small:
 def unmet_kernels(scene: Scene, camera: Camera, size: tuple[int, int]) -> Unmet:
     """Return what a scene has of kernels that no slice meets, as a camera sees it without a filter."""
     low, high = _centres(scene)
-    middle = float(_depths(np.asarray([0.5 * (low + high)]), camera)[0])
+    middle = float(depths_of(np.asarray([0.5 * (low + high)]), camera)[0])
     covered, unmet, count, thinnest = 0.0, 0.0, 0, math.inf
     for shown in _shown(scene, camera, size):
         # Slices lie at middle + (n + 1/2) spacing.
@@ -212,15 +212,10 @@ def coarse_lattice(scene: Scene, camera: Camera, size: tuple[int, int], times: f
     Samples a distance h apart have waves down to a length of 2 h. Pixels, or slices, farther apart than h do not tell
     these from longer ones.
     """
-    pixel = _pixel(camera, size)
     for one in scene.fields:
         if not isinstance(one, RegularField) or not one.size or one.normalization == "threshold":
             continue
-        distance = _sample_distance(one)
-        wide = pixel
-        if camera.kind == "perspective":
-            corners = np.array(np.meshgrid(*zip(*one.centre_bounds, strict=True))).reshape(3, -1).T
-            wide *= max(float(_depths(corners, camera).max()), camera.near)
+        distance, wide = _sample_distance(one), _widest_pixel(camera, size, one.centre_bounds)
         if wide > times * distance * _EQUAL:
             return f"a pixel is up to {wide / distance:.3g} samples of a volume wide"
         if scene.slice_spacing > times * distance * _EQUAL:
@@ -242,10 +237,10 @@ def samples_for_ends(scene: Scene, camera: Camera, size: tuple[int, int]) -> int
         jump = 0.0 if box is None else _jump(cast(RegularField, one))
         if box is None or jump == 0.0:
             continue
-        corners = np.array(np.meshgrid(*zip(*box, strict=True))).reshape(3, -1).T
+        corners = corners_of(box)
         seen = (corners - np.asarray(camera.eye)) @ camera_axes(camera)[:2].T
         if camera.kind == "perspective":
-            seen /= np.maximum(_depths(corners, camera), camera.near)[:, None]
+            seen /= np.maximum(depths_of(corners, camera), camera.near)[:, None]
         pixels = np.ptp(seen, axis=0).min() / _pixel(camera, size)
         count = max(count, math.ceil(_ENOUGH_ACROSS * min(jump, _MOST_JUMP) / max(float(pixels), 1.0)))
     return count
@@ -308,11 +303,7 @@ def may_be_thin(scene: Scene, camera: Camera, size: tuple[int, int]) -> bool:
     if may_be_flat(scene):
         return True
     thinnest = min((one.scale_range[0] / _longer(one) for one in _scattered(scene)), default=math.inf)
-    pixel = _pixel(camera, size)
-    if camera.kind == "perspective" and math.isfinite(thinnest):
-        corners = np.array(np.meshgrid(*zip(*_centres(scene), strict=True))).reshape(3, -1).T
-        pixel *= max(float(_depths(corners, camera).max()), camera.near)
-    return thinnest < pixel
+    return math.isfinite(thinnest) and thinnest < _widest_pixel(camera, size, _centres(scene))
 
 
 def may_be_flat(scene: Scene) -> bool:
@@ -409,7 +400,7 @@ def _sampled_share(
         return np.ones(0)
     k, pixels = shown.field.falloff, shown.pixels[which]
     low, high = _centres(scene)
-    middle = float(_depths(np.asarray([0.5 * (low + high)]), camera)[0])
+    middle = float(depths_of(np.asarray([0.5 * (low + high)]), camera)[0])
     # Along the view: the profile's integral over a section across it.
     place = (shown.depths[which] - middle) / scene.slice_spacing - 0.5
     steps = np.arange(-_NEIGHBOURS, _NEIGHBOURS + 1)
@@ -504,11 +495,12 @@ def _pixel(camera: Camera, size: tuple[int, int]) -> float:
     return 2.0 * math.tan(0.5 * math.radians(camera.fov_y)) / size[1]
 
 
-def _depths(points: Floats, camera: Camera) -> Floats:
-    """Return depths of points (N, 3) before the camera."""
-    back = camera_axes(camera)[2]
-    found: Floats = -((points - np.asarray(camera.eye)) @ back)
-    return found
+def _widest_pixel(camera: Camera, size: tuple[int, int], box: Any) -> float:
+    """Return the width of a pixel where a box is farthest from the camera, world units."""
+    pixel = _pixel(camera, size)
+    if camera.kind == "orthographic":
+        return pixel
+    return pixel * max(float(depths_of(corners_of(box), camera).max()), camera.near)
 
 
 def _in_picture(

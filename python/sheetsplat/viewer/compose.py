@@ -10,13 +10,14 @@ import numpy as np
 
 from sheetsplat._checks import Triple, triple
 from sheetsplat.api import Prepared
+from sheetsplat.choose.asked import GOALS, Asked
+from sheetsplat.choose.picture import fitted
 from sheetsplat.describe.schema import plain
 from sheetsplat.fields import joined_bounds
 from sheetsplat.framing import fitting_depth_cue
 from sheetsplat.look.surface import surface_color, surface_limits
 from sheetsplat.opacity_words import PRESETS, WORDS
 from sheetsplat.options.look import DEFAULT_CMAP
-from sheetsplat.quality.choose import Choice
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction, color_rows
 from sheetsplat.viewer.data import Histogram, Shown
@@ -74,8 +75,10 @@ def fitted_scene(shown: Shown, state: State, scene: Scene, size: tuple[int, int]
     """Return a scene of a state as pictures of a size have it."""
     if isinstance(shown.data(state.choice, state.time), Scene):
         return scene
-    options = {**shown.options_at(state.time), "quality": state.quality}
-    return Choice("quality", options).fitted(scene, state.camera, size)
+    given: dict[str, Any] = {**shown.options_at(state.time), "quality": state.quality}
+    # A goal decides when the picture is drawn.
+    asked = Asked.of("quality", {name: value for name, value in given.items() if name not in GOALS})
+    return fitted(scene, asked, state.camera, size)
 
 
 def _functions_of(shown: Shown, scene: Scene, surfaces: tuple[Surface, ...]) -> Any:

@@ -231,7 +231,7 @@ class Shown:
             groups = fields.groups if len(fields.groups) > 1 else fields.fields
             spacing = {"slice_spacing": first.scene.slice_spacing, "reference_length": first.scene.reference_length}
             made = first.scene.replace(field=groups, **spacing)
-            return replace(first, scene=made.with_quality(first.scene.quality))
+            return _with_scene(first, made.with_quality(first.scene.quality))
         return self._made(choice, time, mode, quality)
 
     def _made(self, choice: int, time: int, mode: str | None, quality: str | None) -> Prepared:
@@ -240,7 +240,7 @@ class Shown:
         if isinstance(opened.data, Scene):
             made = prepare(opened, **options)
             changed = made.scene if mode in (None, made.scene.mode) else _in_mode(made.scene, str(mode), options)
-            return replace(made, scene=changed)
+            return _with_scene(made, changed)
         first = "composite" if options.get("mode") is None else options["mode"]
         if quality is not None:
             options["quality"] = quality
@@ -252,7 +252,7 @@ class Shown:
         for name in _OF_ONE_MODE:
             options.pop(name, None)
         made = prepare(Opened(list(own.fields), own.fields), **options)
-        return replace(made, scene=made.scene.with_quality(_joined(own.quality, made.scene.quality)))
+        return _with_scene(made, made.scene.with_quality(_joined(own.quality, made.scene.quality)))
 
     def coarse(self, fields: tuple[Field, ...], key: tuple[int, int]) -> tuple[Field, ...] | None:
         """Return coarse copies of the fields of a choice and a time; None where they are small."""
@@ -293,6 +293,11 @@ def _in_mode(scene: Scene, mode: str, options: Mapping[str, Any]) -> Scene:
         low, high = scene.fields[0].value_range
         changes["iso_value"] = 0.5 * (low + high)
     return scene.replace(**changes).with_quality(scene.quality)
+
+
+def _with_scene(made: Prepared, scene: Scene) -> Prepared:
+    """Return a picture with another scene, whose decisions are not known."""
+    return replace(made, scene=scene, decisions=None)
 
 
 def _joined(kernels: PictureQuality | None, others: PictureQuality | None) -> PictureQuality | None:

@@ -1,14 +1,16 @@
-"""From fields and options of the look to a scene."""
+"""The look of a picture: its transfer function, surface, lights and colours, from fields and the options given."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, partial
 from typing import Any, Unpack
 
 import numpy as np
 
 from sheetsplat._checks import truth
+from sheetsplat.choose.slices import spacing_of_data
 from sheetsplat.effects import AmbientOcclusion
 from sheetsplat.errors import complain, option_ref, option_refs
 from sheetsplat.fields import EllipsoidField, Field, RegularField, joined_bounds
@@ -16,7 +18,6 @@ from sheetsplat.light import Light, Material
 from sheetsplat.look import automatic
 from sheetsplat.look.histogram import Look
 from sheetsplat.look.strays import COARSE, kernel_spacing
-from sheetsplat.look.sums import spacing_of_numbers
 from sheetsplat.look.surface import surface_limits
 from sheetsplat.notices import warn
 from sheetsplat.options.core import COLORED, check_names, pick_given
@@ -43,7 +44,7 @@ _COLORLESS = TransferFunction([(0.0, 1.0, 1.0, 1.0, 0.0), (1.0, 1.0, 1.0, 1.0, 1
 
 
 def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **options: Unpack[LookOptions]) -> Scene:
-    """Return a scene. What is not given, or None, is chosen from the scalars.
+    """Return a scene, not made yet (`Scene.sketched`). What is not given, or None, is chosen from the scalars.
 
     Parameters
     ----------
@@ -56,43 +57,33 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
         Those of `Scene`, and of the transfer function and light that are chosen.
     """
     check_names("render", options, LookOptions)
-    scene_options = pick_given(SceneOptions, options)
-    mode = scene_options.get("mode", "composite")
+    given = pick_given(SceneOptions, options)
+    mode = given.get("mode", "composite")
+    chosen = cache(partial(automatic.choose, fields))
     if mode == "isosurface":
         # An iterator can be read once.
-        given = scene_options.get("iso_value")
-        surface = automatic.choose(fields).surface if given is None else iso_value_of("render: iso_value", given)
-        scene_options["iso_value"] = surface
-    function, look = _transfer_function(fields, mode, scene_options.get("iso_value"), options)
-    spacing = look.slice_spacing if look is not None and mode == "composite" else None
-    if mode == "isosurface" and any(isinstance(one, EllipsoidField) and one.size for one in fields):
-        # The crossing is found between two slices by linear interpolation, which two slices in a kernel's thickness do
-        # not allow. The reference length, and with it the meaning of opacities, stays.
-        spacing = min(one.default_slice_spacing for one in fields if one.size) / 4
-        if look is not None and look.reference_length is not None:
-            spacing = min(spacing, look.reference_length)
-    if mode not in COLORED and not spacing_is_free and scene_options.get("slice_spacing") is None:
-        spacing = spacing_of_numbers(fields)
-    if spacing is not None and not spacing_is_free:
-        scene_options.setdefault("slice_spacing", spacing)
-    if look is not None and look.reference_length is not None and mode in COLORED:
-        scene_options.setdefault("reference_length", look.reference_length)
+        iso = given.get("iso_value")
+        given["iso_value"] = chosen().surface if iso is None else iso_value_of("render: iso_value", iso)
+    function, look = _transfer_function(fields, mode, given.get("iso_value"), options, chosen)
+    chooses_spacing = not spacing_is_free and "slice_spacing" not in given
+    if chooses_spacing:
+        given["slice_spacing"] = spacing_of_data(fields, mode, look)
+    if look is not None and look.reference_length is not None:
+        given.setdefault("reference_length", look.reference_length)
     shading = options.get("shading")
     lit = (shading is None or truth("render: shading", shading)) and mode in COLORED
     if mode not in COLORED:
-        _set_scalar_colors(scene_options, options)
-    scene_options.setdefault("lights", (HEAD_LIGHT,) if lit else ())
-    scene_options.setdefault("material", SHINY)
-    if isinstance(options.get("ambient_occlusion"), bool):
-        scene_options.pop("ambient_occlusion", None)
-        if options["ambient_occlusion"]:
-            scene_options["ambient_occlusion"] = AmbientOcclusion(_surroundings(fields))
-    scene = Scene(list(fields), function, **scene_options)
-    if options.get("slice_spacing") is None and not spacing_is_free:
+        _set_scalar_colors(given, options)
+    given.setdefault("lights", (HEAD_LIGHT,) if lit else ())
+    given.setdefault("material", SHINY)
+    if given.get("ambient_occlusion") is True:
+        given["ambient_occlusion"] = AmbientOcclusion(_surroundings(fields))
+    scene = Scene.sketched(list(fields), function, given)
+    if chooses_spacing:
         _warn_of_strays(scene)
     if all(options.get(name) is None for name in _SAY_WHAT_IS_MEANT):
         _warn_of_one_value(scene)
-    if scene.options["shadows"] and not scene.lights:
+    if scene.options["shadows"] and mode in COLORED and not scene.lights:
         warn(option_ref("shadows", "true") + " changes nothing where there are no lights")
     return scene
 
@@ -159,10 +150,13 @@ def _set_scalar_colors(scene_options: Any, options: Mapping[str, Any]) -> None:
 
 
 def _transfer_function(
-    fields: Sequence[Field], mode: str, iso_value: Any, options: Mapping[str, Any]
+    fields: Sequence[Field], mode: str, iso_value: Any, options: Mapping[str, Any], chosen: Callable[[], Look]
 ) -> tuple[TransferFunction, Look | None]:
     """Return a transfer function, and the automatic look that it was chosen by, or None."""
     given: TransferFunction | str | None = options.get("transfer_function")
+    cmap: Any
+    opacity: Any
+    clim: Any
     cmap, opacity, clim = (options.get(name) for name in ("cmap", "opacity", "clim"))
     if given is not None:
         if mode in COLORED:
@@ -172,15 +166,11 @@ def _transfer_function(
         return _COLORLESS, None
     if mode == "isosurface" and clim is None:
         clim = surface_limits(fields, iso_value_of("render: iso_value", iso_value))
-    look = automatic.choose(fields) if opacity is None or clim is None else None
-    if clim is None:
-        assert look is not None
-        cmap = look.cmap if cmap is None else cmap
-        clim = look.clim
-        opacity = look.opacity if opacity is None else opacity
-    elif opacity is None:
-        assert look is not None
-        opacity = (0.0, look.top_opacity)
+    look = chosen() if opacity is None or clim is None else None
+    if look is not None:
+        own: Any = look.opacity if clim is None else (0.0, look.top_opacity)
+        cmap = look.cmap if cmap is None and clim is None else cmap
+        opacity, clim = own if opacity is None else opacity, look.clim if clim is None else clim
     return TransferFunction.from_colormap(DEFAULT_CMAP if cmap is None else cmap, opacity, clim), look
 
 

@@ -1,0 +1,1 @@
+"""Everything about a picture that nobody gave: what is chosen, by what, and why."""

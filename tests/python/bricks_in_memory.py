@@ -69,7 +69,7 @@ class Bricked:
             self.whole = Whole.of_lattice(self.lattice, field.native.value_range, field.native.centres)
         else:
             self.partition = partition_points(np.asarray(field.centers), brick)
-            self.whole = Whole.of_kernels(field)
+            self.whole = Whole.of_bricks(field, (field.bounds,), float(field.scales.max()))
         self.asked: list[int] = []
 
     def view(self, camera: ss.Camera, outputs: tuple[str, ...] = (), settings: Any = None, **options: Any) -> BrickView:

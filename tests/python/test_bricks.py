@@ -11,7 +11,6 @@ import pytest
 from bricks_in_memory import (
     BOUND,
     LIT,
-    SIZE,
     Bricked,
     camera_of,
     differences,
@@ -21,9 +20,9 @@ from bricks_in_memory import (
 )
 
 import sheetsplat as ss
-from sheetsplat.bricks.draw import agreed, draw_brick, render_bricks, way_of_drawing
+from sheetsplat.bricks.draw import draw_brick, render_bricks, renderer_of
 from sheetsplat.bricks.lattice import LatticeSpec
-from sheetsplat.bricks.partial import Finished, Partial, empty, finish, merge, stop_difference
+from sheetsplat.bricks.partial import Finished, Partial, finish, merge
 from sheetsplat.bricks.partition import partition_lattice, partition_points
 from sheetsplat.bricks.view import BrickView
 
@@ -85,6 +84,11 @@ SCENES: dict[str, tuple[str, Any, str, tuple[str, ...], dict[str, Any]]] = {
 }
 
 
+def drawn(bricked: Bricked, view: BrickView, field_of: Any = None) -> Finished:
+    """Return a picture in bricks, of fields of their own or those that a function makes."""
+    return render_bricks(view, field_of or bricked.field_of(view), renderer_of(view.settings))
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_bricks_are_the_picture_of_one_process(name: str) -> None:
     which, brick, kind, outputs, options = SCENES[name]
@@ -93,14 +97,8 @@ def test_bricks_are_the_picture_of_one_process(name: str) -> None:
     settings = {"backend": "cpu"}
     wanted, precision = whole_picture(field, camera, outputs, settings, **options)
     bricked = Bricked(field, brick)
-    view = bricked.view(camera, outputs, settings, **options)
-    field_of, renderer = bricked.field_of(view), ss.Renderer("cpu")
-    seen_by = [number for number in view.order() if view.footprint(number) is not None]
-    ways = [way_of_drawing(view, number, field_of(number), renderer) for number in seen_by]
-    if bricked.lattice is not None:
-        assert set(ways) == {("cpu", precision)}
-    assert agreed(view, ways).settings["precision"] == precision
-    found = render_bricks(view, field_of)
+    view = bricked.view(camera, outputs, {**settings, "precision": precision}, **options)
+    found = drawn(bricked, view)
     seen = differences(found, wanted)
     print(name, len(view.partition), precision, seen)
     assert seen.pop("depth", 0.0) < 1e-3 * view.options["slice_spacing"]
@@ -147,7 +145,7 @@ def test_any_number_of_bricks_in_any_view(which: str, count: int) -> None:
         cuts = {1: 64, 2: (64, 64, 15), 7: (64, 64, 4), 64: (5, 6, 7)}[count] if which != "needles" else count
         bricked = Bricked(field, cuts)
         view = bricked.view(camera, (), {"backend": "cpu", "precision": precision}, **options)
-        seen = differences(render_bricks(view, bricked.field_of(view)), wanted)
+        seen = differences(drawn(bricked, view), wanted)
         print(which, len(view.partition), kind, options.get("mode"), precision, seen)
         assert max(seen.values()) <= BOUND
 
@@ -160,7 +158,7 @@ def test_bricks_that_miss_something_are_seen(fault: str) -> None:
     wanted, _ = whole_picture(field, camera, (), {"backend": "cpu"}, **options)
     bricked = Bricked(field, brick)
     view = bricked.view(camera, (), {"backend": "cpu"}, **options)
-    field_of = bricked.field_of(view)
+    field_of: Any = None
     if fault == "margin":
         lattice = view.lattice
         assert lattice is not None
@@ -177,13 +175,13 @@ def test_bricks_that_miss_something_are_seen(fault: str) -> None:
     else:
         tree: Any = view.partition.tree
         view = view.replace(partition=replace(view.partition, tree=replace(tree, below=tree.above, above=tree.below)))
-    off = max(differences(render_bricks(view, field_of), wanted).values())
+    off = max(differences(drawn(bricked, view, field_of), wanted).values())
     print(fault, off)
     assert off > 10 * BOUND
 
 
-def parts_alone(name: str, **changes: Any) -> tuple[BrickView, dict[int, Partial], Any, Finished]:
-    """Return a scene's view, its bricks drawn alone, what makes their fields, and the picture of one process."""
+def parts_alone(name: str, **changes: Any) -> tuple[BrickView, dict[int, Partial], Finished]:
+    """Return a scene's view, its bricks drawn alone, and the picture of one process."""
     which, brick, kind, outputs, options = SCENES[name]
     options = {**options, **changes}
     field = field_named(which)
@@ -193,7 +191,7 @@ def parts_alone(name: str, **changes: Any) -> tuple[BrickView, dict[int, Partial
     view = bricked.view(camera, outputs, settings, **options)
     field_of, renderer = bricked.field_of(view), ss.Renderer(**view.settings)
     parts = {number: draw_brick(view, number, field_of(number), renderer) for number in view.order()}
-    return view, parts, field_of, whole_picture(field, camera, outputs, settings, **options)[0]
+    return view, parts, whole_picture(field, camera, outputs, settings, **options)[0]
 
 
 def merged(nested: Any, parts: dict[int, Partial]) -> Partial:
@@ -203,7 +201,7 @@ def merged(nested: Any, parts: dict[int, Partial]) -> Partial:
 
 @pytest.mark.parametrize("name", ["lit in perspective", "surfaces", "xray", "mip", "minimum", "average"])
 def test_parts_that_are_drawn_alone_merge_in_any_tree(name: str) -> None:
-    view, parts, _, wanted = parts_alone(name, **({} if "lit" not in name else {"opacity_stop": 1.0}))
+    view, parts, wanted = parts_alone(name, **({} if "lit" not in name else {"opacity_stop": 1.0}))
     tree = merged(view.nested(), parts)
     random = np.random.default_rng(8)
     row = [parts[number] for number in view.order()]
@@ -224,36 +222,6 @@ def test_parts_that_are_drawn_alone_merge_in_any_tree(name: str) -> None:
     assert max(seen.values()) <= BOUND
 
 
-@pytest.mark.parametrize("name", ["lit", "lit in perspective", "intervals", "surfaces"])
-def test_bricks_that_stop_pixels_are_drawn_again(name: str) -> None:
-    view, parts, field_of, wanted = parts_alone(name)
-    tree = merged(view.nested(), parts)
-    found = finish(view, tree)
-    assert found.rgba is not None and wanted.rgba is not None
-    off = float(np.sqrt(np.mean((found.rgba.astype(float) - wanted.rgba) ** 2)))
-    stated = stop_difference(view, tree)
-    print(name, "without stop", off, "stated", stated)
-    assert off <= stated + BOUND
-
-    renderer = ss.Renderer(**view.settings)
-    in_front = np.zeros((SIZE[1], SIZE[0]), np.float32)
-    so_far, again = empty(view), 0
-    for number in view.order():
-        x0, y0, x1, y1 = parts[number].rect
-        part = parts[number].behind(in_front[y0:y1, x0:x1], view.opacity_stop)
-        if part is None:
-            again += 1
-            part = draw_brick(view, number, field_of(number), renderer, in_front[y0:y1, x0:x1])
-        so_far = merge(so_far, part)
-        in_front[y0:y1, x0:x1] = part.opacity(part.rect)
-    exact = finish(view, so_far)
-    seen = differences(exact, wanted)
-    print(name, f"{again} of {len(parts)} drawn again", seen)
-    assert 0 < again < len(parts)
-    assert seen.pop("depth", 0.0) < 1e-3 * view.options["slice_spacing"]
-    assert max(seen.values()) <= BOUND
-
-
 def test_hidden_and_unseen_bricks_are_not_asked_for() -> None:
     field = field_named("cartesian")
     bricked = Bricked(field, 7)
@@ -265,7 +233,7 @@ def test_hidden_and_unseen_bricks_are_not_asked_for() -> None:
     away = ss.Camera.orthographic((200, 0, 100), (200, 0, 0), height=20.0)
     bricked.asked.clear()
     view = bricked.view(away, (), {"backend": "cpu"}, **opaque)
-    assert not render_bricks(view, bricked.field_of(view)).rgba.any()
+    assert not drawn(bricked, view).rgba.any()
     assert bricked.asked == []
 
 
@@ -313,7 +281,8 @@ def test_cells_fill_space_and_follow_one_another() -> None:
     points = random.uniform(-20, 80, (500, 3))
     # Some lie on faces.
     points[:200, 0] = [brick.cell[0][0] if np.isfinite(brick.cell[0][0]) else 1.0 for brick in partition.bricks][3]
-    inside = np.array([brick.holds(points) for brick in partition.bricks])
+    cells = np.asarray([brick.cell for brick in partition.bricks])[:, :, None]
+    inside = ((points >= cells[:, 0]) & (points < cells[:, 1])).all(axis=2)
     assert (inside.sum(axis=0) == 1).all()
     assert (inside.argmax(axis=0) == partition.brick_of(points)).all()
     for kind in ("orthographic", "perspective"):
@@ -362,12 +331,12 @@ def test_other_backends_draw_bricks(backend: str, name: str) -> None:
     camera = camera_of(field, kind)
     settings = {"backend": backend}
     try:
-        wanted, _ = whole_picture(field, camera, outputs, settings, **options)
+        wanted, precision = whole_picture(field, camera, outputs, settings, **options)
     except ss.DeviceUnavailable as error:
         pytest.skip(str(error))
     bricked = Bricked(field, 15)
-    view = bricked.view(camera, outputs, settings, **options)
-    found = render_bricks(view, bricked.field_of(view))
+    view = bricked.view(camera, outputs, {**settings, "precision": precision}, **options)
+    found = drawn(bricked, view)
     seen = differences(found, wanted)
     print(backend, name, len(view.partition), seen)
     assert seen.pop("depth", 0.0) < 1e-3 * view.options["slice_spacing"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -69,28 +69,6 @@ def native_part(
 
 def _also(view: BrickView) -> dict[str, bool]:
     return {name: name in view.outputs for name in OUTPUTS}
-
-
-def way_of_drawing(view: BrickView, number: int, field: Field, renderer: Renderer) -> tuple[str, str]:
-    """Return the backend and the precision that one brick calls for.
-
-    Any brick of a lattice says what the whole calls for. Of scattered kernels each looks at its own: the whole needs
-    float64 where one of them does (`agreed`).
-    """
-    scene = native_part(view, number, field, view.depths())
-    if view.depth_limit is not None:
-        scene = scene.with_depth_limit(view.depth_limit)
-    plan = renderer.native.plan(scene=scene, camera=view.camera.native, size=view.size, **_also(view))
-    return plan.backend, plan.precision
-
-
-def agreed(view: BrickView, ways: Iterable[tuple[str, str]]) -> BrickView:
-    """Return the view with one backend and precision for all bricks, from what `way_of_drawing` says of them."""
-    found = list(ways)
-    if not found:
-        return view
-    precision = "float64" if any(precision == "float64" for _, precision in found) else found[0][1]
-    return view.replace(settings={**view.settings, "backend": found[0][0], "precision": precision})
 
 
 def draw_brick(
@@ -171,7 +149,7 @@ def is_hidden(view: BrickView, number: int, in_front: NDArray[np.float32]) -> bo
 def render_bricks(
     view: BrickView,
     field_of: FieldOf,
-    renderer: Renderer | None = None,
+    renderer: Renderer,
     progress: Progress | None = None,
     light: Any = None,
     shown: Collection[int] | None = None,
@@ -188,7 +166,7 @@ def render_bricks(
     field_of
         Makes the field of a brick, by its number.
     renderer
-        A new one unless given, of the backend and precision that the whole calls for.
+        Draws it; made from ``view.settings``.
     progress
         Called with the share of bricks that are done; False stops.
     light
@@ -201,9 +179,6 @@ def render_bricks(
     InvalidInput, Unsupported, OutOfMemory, Cancelled
         As `Renderer.render`.
     """
-    if renderer is None:
-        view = _decided(view, field_of)
-    drawing = Renderer(**view.settings) if renderer is None else renderer
     width, height = view.size
     in_front = None if view.is_scalar or view.any_order else np.zeros((height, width), np.float32)
     shown = range(len(view.partition)) if shown is None else shown
@@ -224,7 +199,7 @@ def render_bricks(
         def told(share: float) -> object:
             return progress is None or progress((done + share) / count)
 
-        part = draw_brick(view, number, field, drawing, before, told, light)
+        part = draw_brick(view, number, field, renderer, before, told, light)
         if before is not None and part.rgba is not None:
             before[:] = part.rgba[..., 3]
         return part
@@ -240,18 +215,3 @@ def render_bricks(
 
     tree = grouped(view.nested(), shown)
     return finish(view, empty(view) if tree is None else merged(tree))
-
-
-def _decided(view: BrickView, field_of: FieldOf) -> BrickView:
-    """Return the view with the backend and precision of the whole, where they are not given."""
-    if view.settings["precision"] != "auto" and view.settings["backend"] != "auto":
-        return view
-    renderer = Renderer(**view.settings)
-    ways = []
-    for number in view.order():
-        field = field_of(number) if view.footprint(number) is not None else None
-        if field is not None:
-            ways.append(way_of_drawing(view, number, field, renderer))
-            if view.lattice is not None:
-                break
-    return agreed(view, ways)

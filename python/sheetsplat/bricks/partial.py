@@ -4,15 +4,14 @@
 order from front to back (`BrickView.nested`).
 
 There are two kinds of coloured parts. One is drawn alone, as if nothing were in front of it; parts are composited by
-*over*. The stop at an opacity and the depth at which opacity reaches one half do not follow from such parts alone:
-`behind` says where a brick has to be drawn again. The other kind is drawn behind others, of which it knows the opacity:
-colours add up, and stop and depth are exact.
+*over*. The stop at an opacity and the depth at which opacity reaches one half do not follow from such parts. The other
+kind is drawn behind others, of which it knows the opacity: colours add up, and stop and depth are exact.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -48,8 +47,8 @@ class Partial:
     coverage
         Sums, float64, where asked for.
     depth
-        Depths at which opacity reaches one half, float32, where asked for: infinite where it does not, NaN where it
-        does and the depth depends on what is in front.
+        Depths at which opacity reaches one half, float32, where asked for of parts behind others: infinite where it
+        does not.
     is_behind
         Whether it was drawn behind others.
     """
@@ -63,49 +62,12 @@ class Partial:
     depth: Numbers | None = None
     is_behind: bool = False
 
-    @property
-    def nbytes(self) -> int:
-        """Bytes of the arrays."""
-        arrays = (getattr(self, name) for name in _ARRAYS)
-        return sum(one.nbytes for one in arrays if one is not None)
-
     def opacity(self, rect: Rect) -> Numbers:
         """Return the opacity in a rectangle, 0 where it has none, float32 (h, w)."""
         found = np.zeros((rect[3] - rect[1], rect[2] - rect[0]), np.float32)
         if self.rgba is not None and (both := _common(rect, self.rect)):
             found[_within(both, rect)] = self.rgba[_within(both, self.rect)][..., 3]
         return found
-
-    def behind(self, in_front: Numbers, stop: float) -> Partial | None:
-        """Return the part as it is behind others, or None where the brick has to be drawn again for that.
-
-        Parameters
-        ----------
-        in_front
-            Opacity in front of it in its rectangle, (h, w).
-        stop
-            Opacity at which a pixel is finished.
-        """
-        if self.rgba is None:
-            return replace(self, is_behind=True)
-        before = in_front.astype(np.float32)
-        left = (np.float32(1.0) - before)[..., None]
-        rgba = left * self.rgba
-        rgba[..., 3] += before
-        after = rgba[..., 3]
-        own = self.rgba[..., 3] > 0
-        open_before = before < stop
-        if stop < 1.0 and bool((own & open_before & (after >= stop)).any()):
-            return None
-        depth = self.depth
-        if depth is not None:
-            reached = own & (before < 0.5) & (after >= 0.5)
-            if bool((reached & (before > 0)).any()):
-                return None
-            depth = np.where(reached & open_before, depth, np.float32(np.inf))
-        rgba[..., :3][~open_before] = 0.0
-        rgba[..., 3] = np.where(open_before, after, before)
-        return replace(self, rgba=rgba, depth=depth, is_behind=True)
 
 
 def empty(view: BrickView) -> Partial:
@@ -190,7 +152,7 @@ def _add(front: Mapping[str, Numbers], back: Partial) -> None:
         else:
             np.add(rgba, _times(back.rgba, np.float32(1.0) - before), out=rgba)
         if back.depth is not None:
-            _merge_depths(front["depth"], back.depth, before, rgba[..., 3], is_behind=back.is_behind)
+            np.minimum(front["depth"], back.depth, out=front["depth"])
     if back.scalar is not None:
         _merge_scalars(back.mode, front, back)
     if back.coverage is not None:
@@ -203,16 +165,6 @@ def _times(rgba: Numbers, left: Numbers) -> Numbers:
     for channel in range(rgba.shape[2]):
         np.multiply(left, rgba[..., channel], out=found[..., channel])
     return found
-
-
-def _merge_depths(near: Numbers, far: Numbers, opacity: Numbers, joined: Numbers, *, is_behind: bool) -> None:
-    """Change depths to those of both parts; `opacity`, `joined`: of what is in front, and of both."""
-    if is_behind:
-        np.minimum(near, far, out=near)
-        return
-    unknown = (joined >= 0.5) & (opacity < 0.5) & (opacity > 0.0)
-    both = np.where(opacity >= 0.5, near, np.where(opacity == 0.0, far, np.float32(np.inf)))
-    near[...] = np.where(unknown, np.float32(np.nan), both)
 
 
 def _merge_scalars(mode: str, front: Mapping[str, Numbers], back: Partial) -> None:
@@ -296,30 +248,3 @@ def over_background(view: BrickView, rgba: Numbers) -> Numbers:
     found = np.ones_like(rgba)
     found[..., :3] = (rgba[..., :3] + behind).astype(np.float32)
     return found
-
-
-def stop_difference(view: BrickView, part: Partial) -> float:
-    """Return a bound on how far a picture of parts that were drawn alone is from one that stops, root mean square.
-
-    Where a pixel's opacity passes the stop, what a picture that stops leaves out is no more than the rest.
-    """
-    stop = view.opacity_stop
-    if part.rgba is None or stop >= 1.0 or _is_empty(part):
-        return 0.0
-    more = np.clip(part.rgba[..., 3].astype(np.float64) - stop, 0.0, None)
-    brightest = float(np.abs(view.transfer_function.points[:, 1:4]).max(initial=0.0))
-    brightest *= _brightest_light(view)
-    channels = 3.0 * max(brightest, 1.0) ** 2 + 1.0
-    width, height = view.size
-    return float(np.sqrt((more**2).sum() * channels / (4.0 * width * height)))
-
-
-def _brightest_light(view: BrickView) -> float:
-    lights, material = view.options["lights"], view.options["material"]
-    if not lights:
-        return 1.0
-    brightness = sum(max(abs(channel) for channel in light.color) for light in lights)
-    return float(abs(material.ambient) + brightness * (abs(material.diffuse) + abs(material.specular)))
-
-
-__all__ = ["Finished", "Partial", "empty", "finish", "merge", "over_background", "stop_difference"]

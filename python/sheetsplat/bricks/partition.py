@@ -66,12 +66,6 @@ class Brick:
     cell: Bounds
     samples: Box | None = None
 
-    def holds(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which of the points (N, 3) lie in the cell."""
-        lower, upper = np.asarray(self.cell)
-        inside: NDArray[np.bool_] = ((points >= lower) & (points < upper)).all(axis=1)
-        return inside
-
     def reached(
         self, centers: NDArray[np.float64], extents: NDArray[np.float64], margin: float = 0.0
     ) -> NDArray[np.bool_]:

@@ -93,12 +93,6 @@ class Whole:
         return self.lattice is not None and self.lattice.fills
 
     @classmethod
-    def of_kernels(cls, field: EllipsoidField) -> Whole:
-        """Return the facts of scattered kernels that fit into memory."""
-        scales = np.asarray(field.scales)
-        return cls.of_bricks(field, (field.bounds,), float(scales.max()) if scales.size else 0.0)
-
-    @classmethod
     def of_bricks(cls, field: EllipsoidField, supports: tuple[Bounds, ...], longest: float) -> Whole:
         """Return the facts of scattered kernels.
 

@@ -12,6 +12,7 @@ from bricks_in_memory import (
     BOUND,
     LIT,
     Bricked,
+    Fields,
     camera_of,
     differences,
     field_named,
@@ -20,7 +21,7 @@ from bricks_in_memory import (
 )
 
 import sheetsplat as ss
-from sheetsplat.bricks.draw import draw_brick, render_bricks, renderer_of
+from sheetsplat.bricks.draw import draw_brick, render_bricks
 from sheetsplat.bricks.lattice import LatticeSpec
 from sheetsplat.bricks.partial import Finished, Partial, finish, merge
 from sheetsplat.bricks.partition import partition_lattice, partition_points
@@ -86,7 +87,7 @@ SCENES: dict[str, tuple[str, Any, str, tuple[str, ...], dict[str, Any]]] = {
 
 def drawn(bricked: Bricked, view: BrickView, field_of: Any = None) -> Finished:
     """Return a picture in bricks, of fields of their own or those that a function makes."""
-    return render_bricks(view, field_of or bricked.field_of(view), renderer_of(view.settings))
+    return render_bricks(view, bricked.field_of(view) if field_of is None else Fields(field_of))
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -189,8 +190,8 @@ def parts_alone(name: str, **changes: Any) -> tuple[BrickView, dict[int, Partial
     settings = {"backend": "cpu"}
     bricked = Bricked(field, brick)
     view = bricked.view(camera, outputs, settings, **options)
-    field_of, renderer = bricked.field_of(view), ss.Renderer(**view.settings)
-    parts = {number: draw_brick(view, number, field_of(number), renderer) for number in view.order()}
+    field_of = bricked.field_of(view)
+    parts = {number: draw_brick(view, number, field_of(number)) for number in view.order()}
     return view, parts, whole_picture(field, camera, outputs, settings, **options)[0]
 
 
@@ -228,7 +229,7 @@ def test_hidden_and_unseen_bricks_are_not_asked_for() -> None:
     camera = camera_of(field, "orthographic")
     opaque = {"mode": "isosurface", "iso_value": 0.1}
     view = bricked.view(camera, (), {"backend": "cpu"}, **opaque)
-    render_bricks(view, bricked.field_of(view), ss.Renderer("cpu"))
+    drawn(bricked, view)
     assert len(set(bricked.asked)) == len(bricked.asked) < len(view.partition)
     away = ss.Camera.orthographic((200, 0, 100), (200, 0, 0), height=20.0)
     bricked.asked.clear()
@@ -242,10 +243,10 @@ def test_outlines_hold_all_that_bricks_change(kind: str) -> None:
     field = field_named("cartesian")
     bricked = Bricked(field, 11)
     view = bricked.view(camera_of(field, kind), ("coverage",), {"backend": "cpu"}, mode="xray")
-    field_of, renderer = bricked.field_of(view), ss.Renderer("cpu")
+    field_of = bricked.field_of(view)
     left = 0
     for number in view.order():
-        part, outline = draw_brick(view, number, field_of(number), renderer), view.outline(number)
+        part, outline = draw_brick(view, number, field_of(number)), view.outline(number)
         assert part.coverage is not None
         assert part.coverage.shape == outline.shape or not outline.size
         assert not part.coverage[~outline].any()

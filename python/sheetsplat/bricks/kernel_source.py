@@ -10,7 +10,6 @@ from __future__ import annotations
 import shutil
 import tempfile
 import weakref
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -113,7 +112,7 @@ class Segments:
     ranges: Floats
 
     @classmethod
-    def joined(cls, parts: Sequence[Segments]) -> Segments:
+    def joined(cls, _: Any, *parts: Segments) -> Segments:
         """Return all segments of several."""
         names = ("piece", "first", "last", "brick", "lower", "upper", "ranges")
         return cls(*(np.concatenate([getattr(one, name) for one in parts]) for name in names))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -79,7 +78,7 @@ def survey_piece(field: EllipsoidField, first: int, stride: int) -> KernelSurvey
     )
 
 
-def merge_kernel_surveys(parts: Sequence[KernelSurvey], name: str) -> KernelSurvey:
+def merge_kernel_surveys(shared: tuple[int, str], *parts: KernelSurvey) -> KernelSurvey:
     """Return what is known of the kernels of several surveys, which are in the order of the pieces.
 
     Raises
@@ -91,7 +90,7 @@ def merge_kernel_surveys(parts: Sequence[KernelSurvey], name: str) -> KernelSurv
     for one in parts[1:]:
         if one.columns != first.columns or one.template != first.template:
             raise complain(
-                f"{name} cannot be opened in bricks",
+                f"{shared[1]} cannot be opened in bricks",
                 f"pieces that are not alike: {_told(first)}, and {_told(one)}",
                 "the same kinds of kernels everywhere",
             )
@@ -123,20 +122,19 @@ def sample_of(found: KernelSurvey, stride: int) -> EllipsoidField:
     return found.template.with_rows(*found.columns.arrays(table), value_range=found.value_range)
 
 
-def survey_of(pieces: Pieces, number: int, stride: int) -> KernelSurvey:
-    """Return what is known of one piece."""
+def survey_of(shared: tuple[int, str], pieces: Pieces, number: int) -> KernelSurvey:
+    """Return what is known of one piece; `shared`: the stride, and the name of all pieces."""
     first = sum(pieces.counts[:number])
     field = pieces.read(number)
     if field.size != pieces.counts[number]:
         found, wanted = f"{field.size} rows in piece {number}", f"{pieces.counts[number]}, as when it was opened"
         raise complain(f"{pieces.name} cannot be read", found, wanted)
-    return survey_piece(field, first, stride)
+    return survey_piece(field, first, shared[0])
 
 
-def sorted_piece(
-    pieces: Pieces, number: int, columns: Columns, partition: Partition, rows: int, store: Store
-) -> Segments:
+def sorted_piece(shared: tuple[Columns, Partition, int, Store], pieces: Pieces, number: int) -> Segments:
     """Read a piece, and return the segments of what `sort_piece` keeps of it."""
+    columns, partition, rows, store = shared
     return sort_piece(columns.table(pieces.read(number)), number, columns, partition, rows, store)
 
 

@@ -120,8 +120,9 @@ class LevelReader:
         return found
 
 
-def coarsen_brick(source: BrickSource, partition: Partition, number: int, store: LevelStore, count: int) -> None:
-    """Make and keep the levels of one brick, whose samples stay in this process where they fit."""
+def coarsen_brick(shared: tuple[Partition, LevelStore, int], source: BrickSource, number: int) -> None:
+    """Make and keep so many levels of one brick, whose samples stay in this process where they fit."""
+    partition, store, count = shared
     core = partition.bricks[number].samples
     assert core is not None
     k, j, i = (first // store.edge for first, _ in core)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,11 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat._sheetsplat import LightVolumes, probe_pixels
+from sheetsplat._waiting import asked
 from sheetsplat.bricks.draw import native_part
+from sheetsplat.bricks.light import light_of
+from sheetsplat.bricks.needs import dimming_bricks, field_of, shown_bricks, source_key
+from sheetsplat.bricks.partition import MERGED
+from sheetsplat.bricks.resident import renderer_of
+from sheetsplat.bricks.tasks import Tasks
 from sheetsplat.bricks.view import BrickView
-from sheetsplat.fields import Field
+from sheetsplat.fields import BrickedField, BrickedKernels
 from sheetsplat.options.renderer import Progress
-from sheetsplat.renderer import Renderer
 
 Floats = NDArray[np.float64]
 
@@ -115,14 +120,32 @@ class Lines:
     shown: Floats
 
 
-def spots_of(
-    view: BrickView, number: int, field: Field, renderer: Renderer, light: LightVolumes, probes: Probes,
-    progress: Progress | None = None,
-) -> Spots:  # fmt: skip
+def measured_light(
+    tasks: Tasks, view: BrickView, field: BrickedField | BrickedKernels, opacity: NDArray[np.float32]
+) -> Any:
+    """Return what measures light in a picture with some opacities: see `Measure`."""
+    shown, dimming = shown_bricks(field, view), dimming_bricks(field, view)
+    light, _ = light_of(tasks, view, source_key(field), dimming)
+    probes = Probes.of(view, opacity)
+    given = tasks.anywhere("plan", given_to_all, probes)
+    spots = [tasks.place("light-spots", spots_of, number, light, given) for number in shown]
+    some = tasks.merged("merge-spots", merged_spots, spots, MERGED)
+    chosen = tasks.anywhere("choose-spots", chosen_spots, given, *some)
+    lines = [tasks.place("light-lines", lines_of, number, light, chosen) for number in sorted({*shown, *dimming})]
+    merged = tasks.merged("merge-lines", merged_lines, lines, MERGED)
+    return tasks.anywhere("measure-light", errors_of, given, chosen, *merged)
+
+
+def given_to_all(_: BrickView, value: Any) -> Any:
+    """Return what many tasks take, which is sent once."""
+    return value
+
+
+def spots_of(view: BrickView, source: Any, number: int, light: LightVolumes, probes: Probes) -> Spots:
     """Return what a brick shows at pixels; raises what `draw_brick` does."""
-    native = native_part(view, number, field, view.depths(), light=light)
-    table = renderer.native.light_spots(
-        native, view.camera.native, size=view.size, numbers=list(probes.numbers), progress=progress
+    native = native_part(view, number, field_of(source, view, number), view.depths(), light=light)
+    table = renderer_of(view.settings).light_spots(
+        native, view.camera.native, size=view.size, numbers=list(probes.numbers), progress=asked()
     )
     table = _thinned(table)
     return Spots(table, np.full(len(table), number, np.int64))
@@ -147,14 +170,15 @@ def _thinned(table: Floats) -> Floats:
     return np.concatenate(kept) if kept else table
 
 
-def merged_spots(parts: Iterable[Spots]) -> Spots:
+def merged_spots(_: Any, *parts: Spots) -> Spots:
     """Return the points of several bricks."""
     found = [Spots(np.zeros((0, _COLUMNS)), np.zeros(0, np.int64)), *parts]
     return Spots(np.concatenate([one.table for one in found]), np.concatenate([one.bricks for one in found]))
 
 
-def chosen_spots(view: BrickView, probes: Probes, spots: Spots) -> Spots:
+def chosen_spots(view: BrickView, probes: Probes, *parts: Spots) -> Spots:
     """Return points at equal steps of what they add to their pixels, of those of all bricks."""
+    spots = merged_spots(view, *parts)
     table, bricks = spots.table, spots.bricks
     order = np.lexsort((table[:, _SLICE] + table[:, _BEHIND], table[:, _NUMBER]))
     table, bricks = table[order], bricks[order]
@@ -193,19 +217,19 @@ def _steps_of(shares: Floats, step: float, chance: float) -> Floats:
     return found
 
 
-def lines_of(
-    view: BrickView, number: int, field: Field, renderer: Renderer, light: LightVolumes, chosen: Spots,
-    progress: Progress | None = None,
-) -> Lines:  # fmt: skip
+def lines_of(view: BrickView, source: Any, number: int, light: LightVolumes, chosen: Spots) -> Lines:
     """Return what a brick leaves of light on lines from points; raises what `draw_brick` does."""
-    native = native_part(view, number, field, view.depths(), light=light)
+    native = native_part(view, number, field_of(source, view, number), view.depths(), light=light)
     table = chosen.table.copy()
     table[:, _OWN] = chosen.bricks == number
-    found = renderer.native.light_lines(native, view.camera.native, size=view.size, spots=table, progress=progress)
-    return Lines(*found)
+    return Lines(
+        *renderer_of(view.settings).light_lines(
+            native, view.camera.native, size=view.size, spots=table, progress=asked()
+        )
+    )
 
 
-def merged_lines(parts: Iterable[Lines]) -> Lines:
+def merged_lines(_: Any, *parts: Lines) -> Lines:
     """Return what several bricks leave together."""
     first, *others = parts
     for one in others:
@@ -214,12 +238,12 @@ def merged_lines(parts: Iterable[Lines]) -> Lines:
     return first
 
 
-def errors_of(probes: Probes, chosen: Spots, parts: Iterable[Lines]) -> tuple[float, float]:
+def errors_of(view: BrickView, probes: Probes, chosen: Spots, *parts: Lines) -> tuple[float, float]:
     """Return root mean square errors of shadows and of ambient occlusion over the picture, of what all bricks leave."""
     if not len(chosen.table):
         return 0.0, 0.0
     assert chosen.shares is not None
-    lines = merged_lines(parts)
+    lines = merged_lines(view, *parts)
     left = 2.0**-lines.left if lines.is_absorbed else lines.left
     lights = lines.lights
     shown = lines.shown.reshape(len(left), -1, _SHOWN)

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import lru_cache, singledispatch
 from typing import Any
 
 import numpy as np
 
-from sheetsplat.bricks.draw import renderer_of
 from sheetsplat.bricks.kernel_source import KernelSource
 from sheetsplat.bricks.lattice import Box, LatticeSpec
 from sheetsplat.bricks.level_choice import level_of
 from sheetsplat.bricks.levels import lattices_of
 from sheetsplat.bricks.partition import Partition, partition_lattice
-from sheetsplat.bricks.resident import residents
+from sheetsplat.bricks.resident import renderer_of, residents
 from sheetsplat.bricks.sources import BrickSource
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.bricks.whole import Whole
@@ -143,6 +142,16 @@ def may_dim(field: BrickedField | BrickedKernels, view: BrickView, number: int) 
     return found is not None and view.may_dim(found)
 
 
+def shown_bricks(field: BrickedField | BrickedKernels, view: BrickView) -> list[int]:
+    """Return the bricks that can add anything to a picture, from front to back."""
+    return [number for number in view.order() if may_show(field, view, number)]
+
+
+def dimming_bricks(field: BrickedField | BrickedKernels, view: BrickView) -> list[int]:
+    """Return the bricks that can dim light in a picture; none where none of it is dimmed."""
+    return [] if view.light is None else [n for n in range(len(view.partition)) if may_dim(field, view, n)]
+
+
 def _range_of(field: BrickedField | BrickedKernels, view: BrickView, number: int) -> tuple[float, float] | None:
     """Return bounds of the factors of all kernels that reach a brick; None: there are none."""
     if isinstance(field, BrickedKernels):
@@ -165,15 +174,20 @@ def factors_in(field: BrickedField, samples: Box) -> tuple[float, float]:
     return _factors(field, (float(np.nanmin(ranges[:, 0])), float(np.nanmax(ranges[:, 1]))))
 
 
-def field_of(source: BrickSource | KernelSource, view: BrickView, number: int) -> Field:
+@singledispatch
+def field_of(source: Any, view: BrickView, number: int) -> Field:
     """Return the field of a brick for a picture; what it is made of stays in this process while it fits."""
     residents().begin(view)
-    if isinstance(source, KernelSource):
-        low, high = view.whole.value_range
-        return residents().kernels(source, number, view.margin(number), (low + view.whole.base, high + view.whole.base))
     level = level_of(view, number, source.key, lambda level: _field_at(source, view, number, level))
     residents().counts.coarse += level > 0
     return _field_at(source, view, number, level)
+
+
+@field_of.register
+def _(source: KernelSource, view: BrickView, number: int) -> Field:
+    residents().begin(view)
+    low, high = view.whole.value_range
+    return residents().kernels(source, number, view.margin(number), (low + view.whole.base, high + view.whole.base))
 
 
 def _field_at(source: BrickSource, view: BrickView, number: int, level: int) -> RegularField:
@@ -207,9 +221,7 @@ def planned(scene: Scene, view: BrickView) -> tuple[BrickView, RenderPlan]:
         filled=view.whole.is_filled,
     )
     also = {name: name in view.outputs for name in ("coverage", "depth")}
-    plan = renderer_of(view.settings, "wholes").native.plan(
-        scene=native, camera=view.camera.native, size=view.size, **also
-    )
+    plan = renderer_of(view.settings, "wholes").plan(scene=native, camera=view.camera.native, size=view.size, **also)
     if plan.precision == "float64":
         view = view.replace(settings={**view.settings, "precision": "float64"})
     return view, RenderPlan.of_native(plan, scene.notes, scene.quality, scene.supersampling)

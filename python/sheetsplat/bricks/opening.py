@@ -10,7 +10,8 @@ from typing import Any, Unpack
 import numpy as np
 
 from sheetsplat._checks import check_progress, choice, is_off, truth, whole
-from sheetsplat._waiting import ask, asking, counted, note, part
+from sheetsplat._waiting import ask, asking, note, part
+from sheetsplat.bricks.cluster import each
 from sheetsplat.bricks.kernel_pieces import KERNELS, READING, pieces_of
 from sheetsplat.bricks.lattice import PREFILTER_MARGIN, LatticeSpec
 from sheetsplat.bricks.levels import LevelStore, coarsen_brick, most_levels
@@ -20,6 +21,7 @@ from sheetsplat.bricks.partition import Partition, partition_lattice
 from sheetsplat.bricks.prober import BrickProber
 from sheetsplat.bricks.sources import BrickSource, open_source
 from sheetsplat.bricks.statistics import Survey, SurveyPlan, first_sample, merge_surveys, survey_of
+from sheetsplat.bricks.tasks import nothing
 from sheetsplat.bricks.workers import look_after
 from sheetsplat.errors import complain, option_ref, option_refs, unusable
 from sheetsplat.fields import BrickedField, BrickedKernels
@@ -162,13 +164,9 @@ def _with_levels(source: BrickSource, cut: _Cut, partition: Partition, client: A
         )
     store = LevelStore.new(cut.scratch, cut.brick)
     with part(_SURVEY, 1.0):
-        if client is None:
-            for number in counted(len(partition)):
-                coarsen_brick(source, partition, number, store, cut.levels)
-        else:
-            from sheetsplat.bricks.cluster import coarsen
-
-            coarsen(client, source, partition, store, cut.levels)
+        shared = (partition, store, cut.levels)
+        task, merge = ("coarsen-brick", coarsen_brick), ("merge-levels", nothing)
+        each(client, source, shared, len(partition), task, merge, partition)
     return source.replace(coarser=coarse_levels(source, store, cut.levels))
 
 
@@ -192,12 +190,8 @@ def _field(source: BrickSource, cut: _Cut, client: Any, given: Mapping[str, Any]
     around = _AROUND + (PREFILTER_MARGIN if filtered else 0)
     plan = SurveyPlan.of(source.shape, lattice, around, first_sample(source))
     with part(0.0, _SURVEY if cut.levels else 1.0):
-        if client is None:
-            found = merge_surveys([survey_of(source, partition, one, plan) for one in counted(len(partition))])
-        else:
-            from sheetsplat.bricks.cluster import survey
-
-            found = survey(client, source, partition, plan)
+        task, merge = ("survey-brick", survey_of), ("merge-surveys", merge_surveys)
+        found = each(client, source, (partition, plan), len(partition), task, merge, partition, "drawn")
     cores = [one.samples for one in partition.bricks if one.samples is not None]
     known = Survey.of(source, found, cores, plan)
     if known.missing and given.get("nan", "error") == "error":

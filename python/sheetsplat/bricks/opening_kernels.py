@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from sheetsplat._waiting import counted, part
+from sheetsplat._waiting import part
+from sheetsplat.bricks.cluster import each
 from sheetsplat.bricks.kernel_pieces import FieldPieces, Pieces
 from sheetsplat.bricks.kernel_source import FileStore, KernelSource, MemoryStore, Segments, Store
 from sheetsplat.bricks.kernel_survey import (
@@ -62,13 +63,8 @@ def open_kernels(
         client = None
     stride = stride_of(sum(pieces.counts))
     with part(0.0, 0.5):
-        if client is None:
-            counts = len(pieces.counts)
-            found = merge_kernel_surveys([survey_of(pieces, n, stride) for n in counted(counts)], pieces.name)
-        else:
-            from sheetsplat.bricks.cluster import survey_kernels
-
-            found = survey_kernels(client, pieces, stride)
+        task, merge = ("survey-kernels", survey_of), ("merge-surveys", merge_kernel_surveys)
+        found: KernelSurvey = each(client, pieces, (stride, pieces.name), len(pieces.counts), task, merge)
     sample = sample_of(found, stride)
     partition = partition_points(found.sample[:, :3], math.ceil(found.count / most))
     with part(0.5, 1.0):
@@ -99,10 +95,6 @@ def _sorted(
 ) -> tuple[Segments, Store]:
     rows = min(max(found.count // _SEGMENTS, _LEAST_ROWS), _MOST_ROWS)
     store: Store = MemoryStore() if isinstance(pieces, FieldPieces) else FileStore.new(scratch)
-    if client is None:
-        every = counted(len(pieces.counts))
-        parts = [sorted_piece(pieces, number, found.columns, partition, rows, store) for number in every]
-        return Segments.joined(parts), store
-    from sheetsplat.bricks.cluster import sort_kernels
-
-    return sort_kernels(client, pieces, found.columns, partition, rows, store), store
+    shared = (found.columns, partition, rows, store)
+    task, merge = ("sort-kernels", sorted_piece), ("merge-segments", Segments.joined)
+    return each(client, pieces, shared, len(pieces.counts), task, merge, doing="sorted"), store

@@ -5,31 +5,24 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sheetsplat._sheetsplat import LightVolumes
-from sheetsplat._waiting import asking
-from sheetsplat.bricks.draw import render_bricks, renderer_of
+from sheetsplat._waiting import asking, part
+from sheetsplat.bricks.draw import render_bricks
 from sheetsplat.bricks.error import Draw, estimate_error
-from sheetsplat.bricks.light import light_key, light_of, planned_light
-from sheetsplat.bricks.light_error import (
-    Measure,
-    Probes,
-    chosen_spots,
-    errors_of,
-    lines_of,
-    merged_spots,
-    spots_of,
-)
-from sheetsplat.bricks.needs import bricked_field, field_of, may_dim, may_show, planned, source_key, view_of
+from sheetsplat.bricks.light import light_of, planned_light
+from sheetsplat.bricks.light_error import Measure, measured_light
+from sheetsplat.bricks.needs import bricked_field, dimming_bricks, planned, shown_bricks, source_key, view_of
 from sheetsplat.bricks.partial import Finished
 from sheetsplat.bricks.resident import residents
-from sheetsplat.bricks.view import BrickView
+from sheetsplat.bricks.tasks import Tasks
+from sheetsplat.bricks.view import BrickView, figures
 from sheetsplat.camera import Camera
-from sheetsplat.fields import BrickedField, BrickedKernels, Field
+from sheetsplat.fields import BrickedField, BrickedKernels
 from sheetsplat.image import ErrorEstimate, Image, image_of
 from sheetsplat.limits import Depths, checked_depths
 from sheetsplat.look.empty import warn_of_unseen
@@ -37,7 +30,6 @@ from sheetsplat.options.renderer import Progress
 from sheetsplat.plan import RenderPlan
 from sheetsplat.quality.lost import keeping, warn_of_lost, with_lost
 from sheetsplat.recipe import Recipe
-from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 from sheetsplat.supersampling import averaged, fine_depths, fine_size
 
@@ -45,7 +37,7 @@ _log = logging.getLogger("sheetsplat")
 
 
 class Begun:
-    """A picture in bricks that the workers of a client have begun.
+    """A picture in bricks that the workers of a client have begun, or that this process draws when it is asked for.
 
     Raises
     ------
@@ -63,23 +55,26 @@ class Begun:
         outputs: tuple[str, ...] = (),
         depth_limit: Depths | None = None,
     ) -> None:
-        from sheetsplat.bricks.cluster import begin, begin_measure
-
         self._began, self._scene = time.perf_counter(), scene
         field = bricked_field(scene)
         assert field is not None
         view = view_of(field, scene, camera, size, outputs, depth_limit, settings)
         self._view, self._plan = planned(scene, view)
-        self._pending = begin(client, field, self._view)
+        begin, measure = _HERE
+        if client is not None:
+            from sheetsplat.bricks import cluster
+
+            begin, measure = partial(cluster.begin, client), partial(cluster.begin_measure, client)
+        self._pending = begin(field, self._view)
 
         def drawn(other: BrickView, progress: Progress | None) -> Finished:
             with asking(progress):
-                found: Finished = begin(client, field, other).result(progress)[0]
+                found: Finished = begin(field, other).result(progress)[0]
             return found
 
         def measured(opacity: NDArray[np.float32], progress: Progress | None) -> tuple[float, float]:
             with asking(progress):
-                found: tuple[float, float] = begin_measure(client, field, self._view, opacity).result(progress)
+                found: tuple[float, float] = measure(field, self._view, opacity).result(progress)
             return found
 
         self._draw: Draw = drawn
@@ -128,105 +123,49 @@ def draw(
         What reading and drawing a brick raises.
     """
     limit = checked_depths(depth_limit, camera, size)
-    if client is not None:
-        with asking(progress):
-            image = Begun(client, settings, scene, camera, size, tuple(outputs), limit).result(progress)
-    else:
-        began = time.perf_counter()
-        field = bricked_field(scene)
-        assert field is not None
-        view = view_of(field, scene, camera, size, tuple(outputs), limit, settings)
-        view, plan = planned(scene, view)
-        finished, stats = _draw_here(field, view, progress)
-        stats |= {"total": time.perf_counter() - began}
-        image = finished_image(
-            scene, view, plan, finished, stats,
-            lambda other, progress: _draw_here(field, other, progress)[0],
-            lambda opacity, progress: _measure_here(field, view, opacity, progress),
-        )  # fmt: skip
+    with asking(progress):
+        image = Begun(client, settings, scene, camera, size, tuple(outputs), limit).result(progress)
     warn_of_unseen(image, scene)
     warn_of_lost(scene, camera, size)
     return image
 
 
-def _draw_here(
-    field: BrickedField | BrickedKernels, view: BrickView, progress: Progress | None
-) -> tuple[Finished, dict[str, float]]:
-    before = residents().counts
-    reads, bytes_read, coarse = before.reads, before.bytes_read, before.coarse
-    view, renderer = planned_light(view, field), renderer_of(view.settings)
-    drawn: set[int] = set()
+class _Later:
+    """What this process does when its result is asked for: as `cluster.Pending`."""
 
-    def read(number: int) -> Field:
-        return field_of(field.source, view, number)  # type: ignore[arg-type]
+    def __init__(self, function: Callable[..., Any], *given: Any) -> None:
+        self._made = partial(function, *given)
 
-    def made(number: int) -> Field:
-        drawn.add(number)
-        return read(number)
+    def result(self, progress: Progress | None = None) -> Any:
+        """Return the result; raises what the function does."""
+        with asking(progress):
+            return self._made()
 
-    light, dimming = _light_here(field, view, read, renderer, progress)
-    shown = [number for number in view.order() if may_show(field, view, number)]
-    finished = render_bricks(view, made, renderer, progress, light, shown)
-    counts = residents().counts
-    return finished, {
-        "bricks": float(len(view.partition)),
-        "bricks_drawn": float(len(drawn)),
-        "bricks_read": float(counts.reads - reads),
-        "bytes_read": float(counts.bytes_read - bytes_read),
-        "bricks_coarse": float(counts.coarse - coarse),
-        "bricks_of_light": float(dimming),
-    }
+    def cancel(self) -> None:
+        """Nothing was begun."""
+
+
+def _draw_here(field: BrickedField | BrickedKernels, view: BrickView) -> tuple[Finished, dict[str, float]]:
+    before = residents().counts.of_picture()
+    view = planned_light(view, field)
+    with part(0.0, 0.0):
+        # Nothing is drawn yet.
+        light, of_light = light_of(Tasks(field.source, view), view, source_key(field), dimming_bricks(field, view))
+    finished = render_bricks(view, field.source, light, shown_bricks(field, view))
+    return finished, figures(view, residents().counts.of_picture() - before, of_light)
 
 
 def _measure_here(
-    field: BrickedField | BrickedKernels, view: BrickView, opacity: NDArray[np.float32], progress: Progress | None
+    field: BrickedField | BrickedKernels, view: BrickView, opacity: NDArray[np.float32]
 ) -> tuple[float, float]:
-    """Return the errors of light in a picture with some opacities: see `Measure`."""
-    view, renderer = planned_light(view, field), renderer_of(view.settings)
-
-    def read(number: int) -> Field:
-        return field_of(field.source, view, number)  # type: ignore[arg-type]
-
-    light, _ = _light_here(field, view, read, renderer, progress)
-    probes = Probes.of(view, opacity)
-    shown = [number for number in view.order() if may_show(field, view, number)]
-    dimming = [number for number in range(len(view.partition)) if may_dim(field, view, number)]
-    if light is None:
-        return 0.0, 0.0
+    view = planned_light(view, field)
     # The share that is done is not known of bricks.
-    told = None if progress is None else lambda _: progress(0.0)
-    chosen = chosen_spots(
-        view, probes, merged_spots(spots_of(view, one, read(one), renderer, light, probes, told) for one in shown)
-    )
-    asked = sorted({*shown, *dimming})
-    lines = (lines_of(view, one, read(one), renderer, light, chosen, told) for one in asked)
-    return errors_of(probes, chosen, lines)
+    with part(0.0, 0.0):
+        found: tuple[float, float] = measured_light(Tasks(field.source, view), view, field, opacity)
+    return found
 
 
-# The light volumes of the last picture of this process, by what they depend on.
-_last_light: list[tuple[bytes, LightVolumes | None]] = []
-
-
-def _light_here(
-    field: BrickedField | BrickedKernels,
-    view: BrickView,
-    read: Callable[[int], Field],
-    renderer: Renderer,
-    progress: Progress | None,
-) -> tuple[LightVolumes | None, int]:
-    """Return the light volumes of a picture, and of how many bricks they were made now."""
-    if view.light is None:
-        return None, 0
-    key = light_key(view, source_key(field))
-    for known, light in tuple(_last_light):
-        if known == key:
-            return light, 0
-    dimming = [number for number in range(len(view.partition)) if may_dim(field, view, number)]
-    # Nothing is drawn yet.
-    told = None if progress is None else lambda _: progress(0.0)
-    light = light_of(view, dimming, read, renderer, told)
-    _last_light[:] = [(key, light)]
-    return light, len(dimming)
+_HERE: tuple[Callable[..., Any], Callable[..., Any]] = (partial(_Later, _draw_here), partial(_Later, _measure_here))
 
 
 def finished_image(

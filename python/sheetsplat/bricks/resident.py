@@ -9,8 +9,9 @@ from __future__ import annotations
 import threading
 import weakref
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from sheetsplat.bricks.kernel_source import KernelSource
 from sheetsplat.bricks.lattice import Box
 from sheetsplat.bricks.sources import BrickSource
 from sheetsplat.fields import EllipsoidField, RegularField
+from sheetsplat.renderer import Renderer
 
 # Of the memory of a process, the share that bricks take; drawing them takes about as much again.
 _SHARE = 0.4
@@ -36,19 +38,24 @@ class Counts:
     ----------
     reads, bytes_read
         How often samples were read from where they are, and how much.
+    drawn, coarse
+        How many pictures of bricks were drawn, and how many of them with a coarser level.
     hits
         How often they were here.
     dropped
         How many bricks had to go.
-    coarse
-        How many pictures of bricks were drawn with a coarser level.
     """
 
     reads: int = 0
     bytes_read: int = 0
+    drawn: int = 0
+    coarse: int = 0
     hits: int = 0
     dropped: int = 0
-    coarse: int = 0
+
+    def of_picture(self) -> NDArray[np.int64]:
+        """Return what pictures tell of: reads, bytes read, drawn, coarse."""
+        return np.array([self.reads, self.bytes_read, self.drawn, self.coarse])
 
 
 @dataclass
@@ -268,6 +275,29 @@ def residents() -> Residents:
     if not _here:
         _here.append(Residents(int(_SHARE * memory_limit())))
     return _here[0]
+
+
+@lru_cache(maxsize=8)
+def _renderer(settings: tuple[tuple[str, Any], ...], _: str) -> Renderer:
+    plain: dict[str, Any] = {name: dict(value) if name == "effects" else value for name, value in settings}
+    return Renderer(**plain)
+
+
+def renderer_of(settings: Mapping[str, Any], of: str = "bricks") -> Any:
+    """Return the native renderer of this process with some settings.
+
+    It keeps what it found of bricks, or of wholes, for the next picture of the same field.
+    """
+    pairs = tuple(
+        (name, tuple(sorted(value.items())) if isinstance(value, Mapping) else value)
+        for name, value in settings.items()
+    )
+    return _renderer(pairs, of).native
+
+
+def forget_renderers() -> None:
+    """Forget the renderers of this process, and what they found; tasks that draw keep theirs to their end."""
+    _renderer.cache_clear()
 
 
 def memory_limit() -> int:

@@ -251,8 +251,9 @@ def _roughness(values: NDArray[Any], outer: Box, core: Box, plan: SurveyPlan) ->
     return total
 
 
-def survey_of(source: BrickSource, partition: Partition, number: int, plan: SurveyPlan) -> BrickSurvey:
+def survey_of(shared: tuple[Partition, SurveyPlan], source: BrickSource, number: int) -> BrickSurvey:
     """Return what is known of one brick, whose samples stay in this process where they fit."""
+    partition, plan = shared
     core = partition.bricks[number].samples
     assert core is not None
     outer = plan.margin(core)
@@ -276,7 +277,7 @@ def first_sample(source: BrickSource) -> Any:
     return None
 
 
-def merge_surveys(parts: Sequence[BrickSurvey]) -> BrickSurvey:
+def merge_surveys(_: Any, *parts: BrickSurvey) -> BrickSurvey:
     """Return what is known of all bricks of several surveys, which are in the order of the bricks."""
     every = {}
     for stride in parts[0].every:

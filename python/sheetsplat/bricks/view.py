@@ -345,6 +345,19 @@ class BrickView:
         return 1.0 if self.lattice is None else self.lattice.largest_sum
 
 
+def figures(view: BrickView, counts: NDArray[np.int64], of_light: int) -> dict[str, float]:
+    """Return the figures of a picture; `counts`: `Counts.of_picture`, `of_light`: how many bricks made its light."""
+    reads, count, drawn, coarse = counts.tolist()
+    return {
+        "bricks": float(len(view.partition)),
+        "bricks_drawn": float(drawn),
+        "bricks_read": float(reads),
+        "bytes_read": float(count),
+        "bricks_coarse": float(coarse),
+        "bricks_of_light": float(of_light),
+    }
+
+
 def shows(function: TransferFunction, low: float, high: float) -> bool:
     """Return whether a transfer function gives any opacity to a value in a range."""
     points = function.points

@@ -7,12 +7,8 @@ supports reach: a brick reads its own segments and, of its neighbours, those tha
 
 from __future__ import annotations
 
-import shutil
-import tempfile
-import weakref
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +16,7 @@ from numpy.typing import NDArray
 from sheetsplat import _memory
 from sheetsplat._checks import Bounds
 from sheetsplat.bricks.partition import Brick, Partition
-from sheetsplat.errors import Error, complain, option_ref
+from sheetsplat.bricks.store import Store
 from sheetsplat.fields import EllipsoidField
 from sheetsplat.fields.axes import frames
 from sheetsplat.io.kernels import logarithm
@@ -137,103 +133,13 @@ class Segments:
         return tuple((tuple(lower[n].tolist()), tuple(upper[n].tolist())) for n in there)
 
 
-class Store(Protocol):
-    """Where sorted pieces are."""
-
-    def write(self, number: int, table: Floats) -> None:
-        """Keep a sorted piece."""
-
-    def rows(self, number: int, first: int, last: int) -> Floats:
-        """Return rows of a sorted piece."""
-
-    @property
-    def carried(self) -> int:
-        """Bytes that go along where it is pickled."""
-
-
-class MemoryStore:
-    """Sorted pieces in memory."""
-
-    def __init__(self) -> None:
-        self._tables: dict[int, Floats] = {}
-
-    def write(self, number: int, table: Floats) -> None:
-        """Keep a sorted piece."""
-        self._tables[number] = table
-
-    def rows(self, number: int, first: int, last: int) -> Floats:
-        """Return rows of a sorted piece."""
-        return self._tables[number][first:last]
-
-    @property
-    def carried(self) -> int:
-        """Bytes that go along where it is pickled."""
-        return sum(one.nbytes for one in self._tables.values())
-
-
-@dataclass(frozen=True, eq=False)
-class FileStore:
-    """Sorted pieces in files of a folder that all processes see."""
-
-    folder: Path
-
-    @classmethod
-    def new(cls, parent: str | None) -> FileStore:
-        """Return an empty store in a new folder, which goes with it."""
-        try:
-            made = cls(Path(tempfile.mkdtemp(prefix="sheetsplat-", dir=parent)))
-        except OSError as error:
-            raise complain(
-                "sorted kernels cannot be kept",
-                f"{error.strerror or error} in {parent or tempfile.gettempdir()}",
-                "a folder that can be written",
-                "pass " + option_ref("scratch", "..."),
-                kind=Error,
-            ) from None
-        weakref.finalize(made, shutil.rmtree, made.folder, True)
-        return made
-
-    def write(self, number: int, table: Floats) -> None:
-        """Write a sorted piece; what is there is replaced at once."""
-        try:
-            with tempfile.NamedTemporaryFile(dir=self.folder, suffix=".part", delete=False) as file:
-                np.save(file, table)
-            Path(file.name).replace(self._path(number))
-        except OSError as error:
-            raise self._unseen(error) from None
-
-    def rows(self, number: int, first: int, last: int) -> Floats:
-        """Read rows of a sorted piece."""
-        try:
-            return np.array(np.load(self._path(number), mmap_mode="r")[first:last])
-        except (OSError, ValueError) as error:
-            raise self._unseen(error) from None
-
-    def _path(self, number: int) -> Path:
-        return self.folder / f"piece_{number:07d}.npy"
-
-    def _unseen(self, error: Exception) -> Error:
-        return complain(
-            f"sorted kernels in {self.folder} cannot be used",
-            str(error),
-            "a folder that all workers see, with room for all kernels",
-            "pass " + option_ref("scratch", "...") + " to sheetsplat.open_bricks",
-            kind=Error,
-        )
-
-    @property
-    def carried(self) -> int:
-        """Bytes that go along where it is pickled."""
-        return 0
-
-
 def sort_piece(table: Floats, number: int, columns: Columns, partition: Partition, rows: int, store: Store) -> Segments:
     """Sort a piece by bricks, keep it, and return its segments of at most so many rows."""
     centers = table[:, :3]
     bricks = partition.brick_of(centers)
     order = np.lexsort((_curve(centers), bricks))
     table, bricks = table[order], bricks[order]
-    store.write(number, table)
+    store.write(_name(number), table)
     starts = np.flatnonzero(np.diff(bricks, prepend=-1))
     ends = np.append(starts[1:], len(bricks))
     first = np.concatenate([np.arange(a, b, rows) for a, b in zip(starts.tolist(), ends.tolist(), strict=True)])
@@ -248,6 +154,10 @@ def sort_piece(table: Floats, number: int, columns: Columns, partition: Partitio
         np.maximum.reduceat(table[:, :3] + extents, first, axis=0),
         np.stack((np.minimum.reduceat(values, first), np.maximum.reduceat(values, first)), axis=1),
     )
+
+
+def _name(piece: int) -> str:
+    return f"piece_{piece:07d}"
 
 
 def _curve(points: Floats) -> NDArray[np.int64]:
@@ -374,7 +284,7 @@ class KernelSource:
         _memory.require(3 * 8 * self.columns.count * count, what, "use smaller bricks")
         tables, pieces = [], []
         for piece, first, last in self._spans(found):
-            table = self.store.rows(piece, first, last)
+            table = self.store.read(_name(piece), slice(first, last))
             extents = self.columns.extents(table)
             near = table[brick.reached(table[:, :3], extents, margin)]
             tables.append(near)
@@ -399,4 +309,4 @@ class KernelSource:
         return spans
 
 
-__all__ = ["Columns", "FileStore", "KernelSource", "MemoryStore", "Segments", "Store", "sort_piece"]
+__all__ = ["Columns", "KernelSource", "Segments", "sort_piece"]

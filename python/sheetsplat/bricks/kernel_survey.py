@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from sheetsplat._checks import Bounds
 from sheetsplat.bricks.kernel_pieces import Pieces
-from sheetsplat.bricks.kernel_source import Columns, Segments, Store, sort_piece
+from sheetsplat.bricks.kernel_source import Columns, Segments, sort_piece
 from sheetsplat.bricks.partition import Partition
+from sheetsplat.bricks.store import Store
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField, joined_bounds
 

@@ -14,13 +14,14 @@ from sheetsplat._waiting import ask, asking, note, part
 from sheetsplat.bricks.cluster import each
 from sheetsplat.bricks.kernel_pieces import KERNELS, READING, pieces_of
 from sheetsplat.bricks.lattice import PREFILTER_MARGIN, LatticeSpec
-from sheetsplat.bricks.levels import LevelStore, coarsen_brick, most_levels
+from sheetsplat.bricks.levels import coarsen_brick, most_levels
 from sheetsplat.bricks.levels import levels_of as coarse_levels
 from sheetsplat.bricks.opening_kernels import open_kernels
 from sheetsplat.bricks.partition import Partition, partition_lattice
 from sheetsplat.bricks.prober import BrickProber
 from sheetsplat.bricks.sources import BrickSource, open_source
 from sheetsplat.bricks.statistics import Survey, SurveyPlan, first_sample, merge_surveys, survey_of
+from sheetsplat.bricks.store import FileStore
 from sheetsplat.bricks.tasks import nothing
 from sheetsplat.bricks.workers import look_after
 from sheetsplat.errors import complain, option_ref, option_refs, unusable
@@ -162,12 +163,12 @@ def _with_levels(source: BrickSource, cut: _Cut, partition: Partition, client: A
             "pass " + option_ref("brick", "256"),
             option="levels",
         )
-    store = LevelStore.new(cut.scratch, cut.brick)
+    store = FileStore.new(cut.scratch, "coarser levels", "a seventh of the samples in float32")
     with part(_SURVEY, 1.0):
-        shared = (partition, store, cut.levels)
+        shared = (partition, cut.brick, cut.levels, store)
         task, merge = ("coarsen-brick", coarsen_brick), ("merge-levels", nothing)
         each(client, source, shared, len(partition), task, merge, partition)
-    return source.replace(coarser=coarse_levels(source, store, cut.levels))
+    return source.replace(coarser=coarse_levels(source, store, cut.brick, cut.levels))
 
 
 def _field(source: BrickSource, cut: _Cut, client: Any, given: Mapping[str, Any]) -> BrickedField:

@@ -11,8 +11,8 @@ import numpy as np
 
 from sheetsplat._waiting import part
 from sheetsplat.bricks.cluster import each
-from sheetsplat.bricks.kernel_pieces import FieldPieces, Pieces
-from sheetsplat.bricks.kernel_source import FileStore, KernelSource, MemoryStore, Segments, Store
+from sheetsplat.bricks.kernel_pieces import Pieces
+from sheetsplat.bricks.kernel_source import KernelSource, Segments
 from sheetsplat.bricks.kernel_survey import (
     KernelSurvey,
     merge_kernel_surveys,
@@ -22,6 +22,7 @@ from sheetsplat.bricks.kernel_survey import (
     survey_of,
 )
 from sheetsplat.bricks.partition import Partition, partition_points
+from sheetsplat.bricks.store import FileStore, MemoryStore, Store
 from sheetsplat.fields import BrickedKernels, KernelFacts
 from sheetsplat.io.kernels import log_base
 
@@ -58,7 +59,7 @@ def open_kernels(
     Error
         Where sorted kernels cannot be kept.
     """
-    if isinstance(pieces, FieldPieces):
+    if pieces.in_memory:
         # They are here already, and are sent to workers once.
         client = None
     stride = stride_of(sum(pieces.counts))
@@ -94,7 +95,9 @@ def _sorted(
     pieces: Pieces, found: KernelSurvey, partition: Partition, scratch: str | None, client: Any
 ) -> tuple[Segments, Store]:
     rows = min(max(found.count // _SEGMENTS, _LEAST_ROWS), _MOST_ROWS)
-    store: Store = MemoryStore() if isinstance(pieces, FieldPieces) else FileStore.new(scratch)
+    store: Store = MemoryStore()
+    if not pieces.in_memory:
+        store = FileStore.new(scratch, "sorted kernels", "all kernels")
     shared = (found.columns, partition, rows, store)
     task, merge = ("sort-kernels", sorted_piece), ("merge-segments", Segments.joined)
     return each(client, pieces, shared, len(pieces.counts), task, merge, doing="sorted"), store

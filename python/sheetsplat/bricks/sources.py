@@ -13,6 +13,7 @@ import pkgutil
 import uuid
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,22 +23,9 @@ from numpy.typing import NDArray
 from sheetsplat import _memory
 from sheetsplat._checks import Triple, shown
 from sheetsplat._objects import kind_of_object
+from sheetsplat.bricks import readers
 from sheetsplat.bricks.lattice import Box
-from sheetsplat.bricks.readers import (
-    ArrayReader,
-    DataArrayReader,
-    Hdf5Reader,
-    LazyReader,
-    NetcdfReader,
-    Reader,
-    RemoteReader,
-    Shape,
-    Stamp,
-    StoredReader,
-    ZarrReader,
-    is_url,
-    placed_errors,
-)
+from sheetsplat.bricks.readers import Reader, Shape, Stamp, is_url, placed_errors
 from sheetsplat.errors import Unsupported, complain, option_ref
 from sheetsplat.fields.regular import as_samples, kept_type
 from sheetsplat.io.kernels import logarithm
@@ -90,6 +78,8 @@ class BrickSource:
         Samples beyond these are moved to them; None: as they are.
     coarser
         Coarser levels of the same volume, the finest first.
+    carried
+        Bytes that go along where it is pickled.
     """
 
     name: str
@@ -105,6 +95,7 @@ class BrickSource:
     floor: float | None = None
     limits: tuple[float, float] | None = None
     coarser: tuple[Level, ...] = ()
+    carried: int = 0
 
     @property
     def key(self) -> tuple[Any, ...]:
@@ -145,12 +136,6 @@ class BrickSource:
         """What exists as long as anything shows these samples, in whatever way."""
         return self.reader
 
-    @property
-    def carried(self) -> int:
-        """Bytes that go along where it is pickled."""
-        values = getattr(self.reader, "values", None)
-        return 0 if values is None else int(values.nbytes)
-
     def bytes_of(self, box: Box) -> int:
         """Return how much memory a box takes while it is read."""
         count = math.prod(last - first for first, last in box)
@@ -175,7 +160,7 @@ class BrickSource:
             raise complain(what, box_text(box), f"a box inside of {' x '.join(map(str, self.shape))} samples [k, j, i]")
         _memory.require(self.bytes_of(box), f"samples {box_text(box)} of {self.name}", "use smaller bricks")
         with placed_errors(what), np.errstate(all="ignore"):
-            found = np.asarray(self.reader.read(box))
+            found = np.asarray(self.reader(box))
             wanted = tuple(last - first for first, last in box)
             if found.shape != wanted:
                 raise complain(what, f"an array of shape {found.shape}", f"shape {wanted}, as the volume says")
@@ -302,7 +287,8 @@ def _of_numpy(data: Any) -> BrickSource:
     values = as_samples(data)
     volume = Volume(_stand_in(values.shape, values.dtype))
     token = _digest(values.data if values.size else b"")
-    return _source("the array", f"{token}{values.dtype.str}{values.shape}", volume, ArrayReader(values))
+    read = partial(readers.of_array, values)
+    return _source("the array", f"{token}{values.dtype.str}{values.shape}", volume, read).replace(carried=values.nbytes)
 
 
 def _of_object(data: Any, name: str) -> BrickSource:
@@ -312,7 +298,7 @@ def _of_object(data: Any, name: str) -> BrickSource:
 
         found = placed(data, name)
         volume = found.volume(name, _stand_in(found.array.shape, found.array.dtype))
-        return _source(name, _opened_anew(), volume, DataArrayReader(found))
+        return _source(name, _opened_anew(), volume, partial(readers.of_placed, found))
     if module == "h5py":
         if not Path(str(data.file.filename)).is_file():
             raise complain(f"{name} cannot be opened in bricks", "a file in memory", "a file that all workers can read")
@@ -322,10 +308,10 @@ def _of_object(data: Any, name: str) -> BrickSource:
         if root is not None:
             return _file(str(Path(root) / data.path), {})
         volume = Volume(_stand_in(data.shape, data.dtype))
-        return _source(name, _opened_anew(), volume, LazyReader(data))
+        return _source(name, _opened_anew(), volume, partial(readers.of_lazy, data))
     if module == "dask":
         check_volume(name, data.shape, data.dtype)
-        return _source(name, _opened_anew(), Volume(_stand_in(data.shape, data.dtype)), LazyReader(data))
+        return _source(name, _opened_anew(), Volume(_stand_in(data.shape, data.dtype)), partial(readers.of_lazy, data))
     raise complain(
         f"{name} cannot be opened in bricks",
         f"{type(data).__name__}, which is read as a whole",
@@ -371,24 +357,12 @@ def _chosen_name(options: Mapping[str, Any]) -> str | None:
     return None if name is None else str(name)
 
 
-def _raw(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
-    from sheetsplat.io import raw
-
-    return _stored(text, raw.locate(source, **options))
-
-
-def _npy(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
-    from sheetsplat.io.numpy_files import locate
-
-    return _stored(text, locate(source))
-
-
 def _stored(text: str, volume: Volume, *headers: Path) -> BrickSource:
     """Return the source of a volume whose values are `StoredSamples`; `headers`: the files that say where they are."""
     samples: Any = volume.values
     stamps = tuple(map(Stamp.of, dict.fromkeys((*headers, samples.path))))
-    reader = StoredReader(stamps, replace(samples, path=stamps[-1].path))
-    return _source(text, f"{reader}", volume, reader)
+    samples = replace(samples, path=stamps[-1].path)
+    return _source(text, f"{stamps}{samples}", volume, partial(readers.of_file, stamps, samples))
 
 
 def _hdf5(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
@@ -397,7 +371,7 @@ def _hdf5(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
     volume = locate(source, _chosen_name(options))
     stamp = Stamp.of(source.path)
     dataset = volume.details["content"]
-    return _source(text, f"{stamp}{dataset}", volume, Hdf5Reader(stamp, dataset))
+    return _source(text, f"{stamp}{dataset}", volume, partial(readers.of_hdf5, (stamp,), dataset))
 
 
 def _zarr(source: Folder, text: str, options: Mapping[str, Any]) -> BrickSource:
@@ -412,7 +386,7 @@ def _zarr(source: Folder, text: str, options: Mapping[str, Any]) -> BrickSource:
         located.details,
         located.quantity,
     )
-    made = _source(text, _zarr_token(located), volume, ZarrReader(located))
+    made = _source(text, _zarr_token(located), volume, partial(readers.of_zarr, located))
     others = locate_coarser(source, _chosen_name(options), options.get("step"))
     return made.replace(coarser=tuple(_level(text, made, one) for one in others if _is_coarser(one, made)))
 
@@ -443,7 +417,7 @@ def _level(text: str, source: BrickSource, located: Any) -> Level:
     located = _absolute(located)
     name = f"{text}, {located.path.name}"
     volume = Volume(_stand_in(located.shape, located.dtype), located.spacing, located.origin)
-    coarse = _source(name, _zarr_token(located), volume, ZarrReader(located))
+    coarse = _source(name, _zarr_token(located), volume, partial(readers.of_zarr, located))
     x, y, z = (a / b for a, b in zip(located.spacing, source.spacing, strict=True))
     places = zip(located.origin, source.origin, source.spacing, strict=True)
     i, j, k = ((a - b) / step for a, b, step in places)
@@ -458,22 +432,27 @@ def _netcdf(source: Source, text: str, options: Mapping[str, Any]) -> BrickSourc
     with opened_variable(source, name) as array:
         found = placed(one_step(array, source.path, step), source.path)
         volume = found.volume(source.path, _stand_in(found.array.shape, found.array.dtype))
-    return _source(text, f"{stamp}{source.inner}{name}{step}", volume, NetcdfReader(stamp, source.inner, name, step))
+    read = partial(readers.of_netcdf, (stamp,), source.inner, name, step)
+    return _source(text, f"{stamp}{source.inner}{name}{step}", volume, read)
 
 
-def _behind_header(reader: str) -> Callable[..., BrickSource]:
+def _raw(reader: str, *, behind_header: bool = False) -> Callable[..., BrickSource]:
+    """Return what locates raw samples by a function of `sheetsplat.io`."""
+
     def locate(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
-        return _stored(text, pkgutil.resolve_name(reader)(source, located=True), source.path)
+        read = pkgutil.resolve_name("sheetsplat.io." + reader)
+        if behind_header:
+            return _stored(text, read(source, located=True), source.path)
+        return _stored(text, read(source, **options))
 
     return locate
 
 
-_IO = "sheetsplat.io."
 _LOCATED: Mapping[str, Any] = {
-    "raw": _raw,
-    "npy": _npy,
-    "nrrd": _behind_header(_IO + "nrrd_files:read"),
-    "metaimage": _behind_header(_IO + "metaimage:read"),
+    "raw": _raw("raw:locate"),
+    "npy": _raw("numpy_files:locate"),
+    "nrrd": _raw("nrrd_files:read", behind_header=True),
+    "metaimage": _raw("metaimage:read", behind_header=True),
     "hdf5 volume": _hdf5,
     "zarr": _zarr,
     "netcdf": _netcdf,
@@ -501,4 +480,4 @@ def _remote(url: str, options: Mapping[str, Any]) -> BrickSource:
             found = f"{length} bytes, {offset} of them before the samples"
             raise complain(what, found, f"{needed} bytes of samples, {shown(shape)} of {kind}")
     samples: Any = StoredSamples.dense(Path(url), kind, shape, offset)
-    return _source(url, _opened_anew(), Volume(samples), RemoteReader(url, samples))
+    return _source(url, _opened_anew(), Volume(samples), partial(readers.of_url, url, samples))

@@ -197,7 +197,7 @@ def parts_alone(name: str, **changes: Any) -> tuple[BrickView, dict[int, Partial
 
 def merged(nested: Any, parts: dict[int, Partial]) -> Partial:
     """Return parts merged in pairs of pairs."""
-    return parts[nested] if isinstance(nested, int) else merge(merged(nested[0], parts), merged(nested[1], parts))
+    return parts[nested] if isinstance(nested, int) else merge(None, merged(nested[0], parts), merged(nested[1], parts))
 
 
 @pytest.mark.parametrize("name", ["lit in perspective", "surfaces", "xray", "mip", "minimum", "average"])
@@ -208,7 +208,7 @@ def test_parts_that_are_drawn_alone_merge_in_any_tree(name: str) -> None:
     row = [parts[number] for number in view.order()]
     while len(row) > 1:
         at = int(random.integers(len(row) - 1))
-        row[at : at + 2] = [merge(row[at], row[at + 1])]
+        row[at : at + 2] = [merge(None, row[at], row[at + 1])]
     first, second = finish(view, tree), finish(view, row[0])
     one = first.scalar if wanted.scalar is not None else first.rgba
     other = second.scalar if wanted.scalar is not None else second.rgba

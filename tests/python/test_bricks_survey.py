@@ -29,9 +29,9 @@ def surveyed(samples, edges, lattice="cartesian"):
     from sheetsplat.bricks.statistics import Survey
 
     one_by_one = merge_surveys(None, *parts)
-    halves = parts[:1], parts[1:] or parts[:1]
+    halves = parts[:1], parts[1:]
     in_a_tree = merge_surveys(None, *(merge_surveys(None, *half) for half in halves))
-    assert one_by_one.ranges == in_a_tree.ranges
+    assert one_by_one == in_a_tree
     return Survey.of(source, one_by_one, cores, plan)
 
 

@@ -383,7 +383,7 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
             drawn[number] = tasks.place("render-brick", render_brick, number, light, *before)
 
         def merged(group: Grouped) -> str:
-            return drawn[group] if isinstance(group, int) else tasks.anywhere("merge", _merged, *map(merged, group))
+            return drawn[group] if isinstance(group, int) else tasks.anywhere("merge", merge, *map(merged, group))
 
         last = [drawn[tree]] if isinstance(tree, int) else map(merged, tree)
         tasks.anywhere("merge", _finished, reads, *last)
@@ -413,12 +413,8 @@ def begin_measure(
     return Pending(client, field.source.name, submit, lambda one: one.value)
 
 
-def _merged(_: BrickView, *parts: Partial) -> Partial:
-    return merge(*parts)
-
-
 def _finished(view: BrickView, _: None, *parts: Partial) -> Finished:
-    return finish(view, merge(*parts) if parts else empty(view))
+    return finish(view, merge(view, *parts) if parts else empty(view))
 
 
 def covering(view: BrickView, numbers: Sequence[int]) -> dict[int, list[int]]:

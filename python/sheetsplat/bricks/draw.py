@@ -169,7 +169,7 @@ def render_bricks(view: BrickView, source: Any, light: Any = None, shown: Collec
         """Draw and merge in the order in which a cluster does."""
         nonlocal done
         if not isinstance(group, int):
-            return merge(*map(merged, group))
+            return merge(view, *map(merged, group))
         x0, y0, x1, y1 = view.footprint(group) or (0, 0, 0, 0)
         before = None if in_front is None else in_front[y0:y1, x0:x1]
         with part_of(done / len(asked_of), (done + 1) / len(asked_of)):

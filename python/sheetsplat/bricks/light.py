@@ -11,7 +11,6 @@ import hashlib
 import pickle
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -43,12 +42,6 @@ class Piece:
 
     first: tuple[int, int, int]
     values: NDArray[np.float32]
-
-    @property
-    def last(self) -> tuple[int, int, int]:
-        """The element behind the last one, [w, v, u]."""
-        w, v, u = (start + count for start, count in zip(self.first, self.values.shape, strict=True))
-        return w, v, u
 
     def add_to(self, values: NDArray[np.float32], first: tuple[int, int, int]) -> None:
         """Add it to a larger box."""
@@ -120,20 +113,13 @@ def merged_pieces(_: Any, *parts: LightPieces) -> LightPieces:
 def _joined(pieces: list[Piece]) -> Piece:
     if len(pieces) == 1:
         return pieces[0]
-    first = reduce(_least, (piece.first for piece in pieces))
-    last = reduce(_most, (piece.last for piece in pieces))
-    values = np.zeros([end - start for start, end in zip(first, last, strict=True)], np.float32)
+    starts = np.array([piece.first for piece in pieces])
+    w, v, u = starts.min(axis=0).tolist()
+    ends = starts + [piece.values.shape for piece in pieces]
+    values = np.zeros(ends.max(axis=0) - (w, v, u), np.float32)
     for piece in pieces:
-        piece.add_to(values, first)
-    return Piece(first, values)
-
-
-def _least(one: tuple[int, int, int], other: tuple[int, int, int]) -> tuple[int, int, int]:
-    return min(one[0], other[0]), min(one[1], other[1]), min(one[2], other[2])
-
-
-def _most(one: tuple[int, int, int], other: tuple[int, int, int]) -> tuple[int, int, int]:
-    return max(one[0], other[0]), max(one[1], other[1]), max(one[2], other[2])
+        piece.add_to(values, (w, v, u))
+    return Piece((w, v, u), values)
 
 
 def light_volumes(view: BrickView, *parts: LightPieces) -> LightVolumes:

@@ -27,6 +27,17 @@ PREFILTER_MARGIN = 24
 _FARTHEST = {"cartesian": 0.8660254037844387, "bcc": 0.7905694150420949}
 
 
+def holds(outer: Box, inner: Box) -> bool:
+    """Return whether a box lies in another one."""
+    return all(a <= c and d <= b for (a, b), (c, d) in zip(outer, inner, strict=True))
+
+
+def slices(box: Box, outer: Box | None = None) -> tuple[slice, ...]:
+    """Return what cuts a box out of the samples of an outer one; of a whole volume unless given."""
+    starts = (0, 0, 0) if outer is None else (first for first, _ in outer)
+    return tuple(slice(first - start, last - start) for (first, last), start in zip(box, starts, strict=True))
+
+
 def _mirrored(numbers: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     """Return which of so many samples are mirrored at the first and the last one, as often as it takes."""
     if count == 1:
@@ -359,9 +370,8 @@ class LatticeSpec:
 
     def _within(self, samples: NDArray[Any], box: Box, read: Box) -> NDArray[Any]:
         """Return the samples of a box, mirrored ones included, of those that were read."""
-        if all(a >= c and b <= d for (a, b), (c, d) in zip(box, read, strict=True)):
-            cut = tuple(slice(a - c, b - c) for (a, b), (c, _) in zip(box, read, strict=True))
-            return np.ascontiguousarray(samples[cut])
+        if holds(read, box):
+            return np.ascontiguousarray(samples[slices(box, read)])
         k, j, i = (np.arange(*ends) for ends in box)
         layers = self.samples_of(0, k) - read[0][0]
         if self.lattice == "bcc":
@@ -396,4 +406,4 @@ class LatticeSpec:
         return replace(self, **changes)
 
 
-__all__ = ["PREFILTER_MARGIN", "Box", "LatticeSpec"]
+__all__ = ["PREFILTER_MARGIN", "Box", "LatticeSpec", "holds", "slices"]

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.bricks.lattice import Box, LatticeSpec
+from sheetsplat.bricks.lattice import Box, LatticeSpec, slices
 from sheetsplat.bricks.partition import Partition
 from sheetsplat.bricks.readers import Shape
 from sheetsplat.bricks.resident import residents
@@ -43,11 +43,9 @@ def _of_level(store: Store, edge: int, level: int, stored: np.dtype[Any], box: B
     """Return the samples of a box of a level whose bricks are in a store; `edge`: of a brick, in its samples."""
     found = np.empty([last - first for first, last in box], stored)
     for place in itertools.product(*(range(first // edge, (last - 1) // edge + 1) for first, last in box)):
-        inner = [(max(first, n * edge), min(last, n * edge + edge))
-                 for (first, last), n in zip(box, place, strict=True)]  # fmt: skip
-        there = tuple(slice(a - n * edge, b - n * edge) for (a, b), n in zip(inner, place, strict=True))
-        here = tuple(slice(a - first, b - first) for (a, b), (first, _) in zip(inner, box, strict=True))
-        found[here] = store.read(_name(level, place), there)
+        brick: Any = tuple((n * edge, n * edge + edge) for n in place)
+        inner: Any = tuple((max(a, c), min(b, d)) for (a, b), (c, d) in zip(box, brick, strict=True))
+        found[slices(inner, box)] = store.read(_name(level, place), slices(inner, brick))
     return found
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sheetsplat.bricks.kernel_source import KernelSource
+from sheetsplat.bricks.kernel_source import KernelSource, supports_of
 from sheetsplat.bricks.lattice import Box, LatticeSpec
 from sheetsplat.bricks.level_choice import level_of
 from sheetsplat.bricks.levels import lattices_of
@@ -104,7 +104,7 @@ def _cut(field: BrickedField | BrickedKernels) -> tuple[LatticeSpec | None, Part
         whole = Whole.of_lattice(lattice, _factors(field, field.value_range), field.centre_bounds)
         return lattice, partition_of(lattice, field.brick), whole
     source = _kernels(field.source)
-    supports = source.segments.supports(len(source.partition))
+    supports = supports_of(source.segments, len(source.partition))
     return None, source.partition, Whole.of_bricks(field, supports, source.longest)
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat.bricks.cluster import each
-from sheetsplat.bricks.lattice import Box, LatticeSpec
+from sheetsplat.bricks.lattice import Box, LatticeSpec, holds
 from sheetsplat.bricks.needs import factors_in, partition_of
 from sheetsplat.bricks.partition import Partition
 from sheetsplat.bricks.resident import residents
@@ -74,11 +74,11 @@ class Probing:
         lattice = self.lattice
         found: list[Box] = []
 
-        def holds(key: tuple[LatticeSpec, Box, Any]) -> bool:
+        def is_enough(key: tuple[LatticeSpec, Box, Any]) -> bool:
             found[:] = [key[1]]
-            return key[0] == lattice and all(a <= c and d <= b for (a, b), (c, d) in zip(key[1], box, strict=True))
+            return key[0] == lattice and holds(key[1], box)
 
-        if (kept := residents().kept(source, core, holds)) is not None:
+        if (kept := residents().kept(source, core, is_enough)) is not None:
             return kept, found[0]
         key = (lattice, box, self.value_range)
         made = residents().made(

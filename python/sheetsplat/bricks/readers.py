@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.bricks.lattice import Box
+from sheetsplat.bricks.lattice import Box, slices
 from sheetsplat.errors import Error, OutOfMemory, complain, missing_package
 from sheetsplat.io.source import Source, guarded
 from sheetsplat.io.stored import StoredSamples, changed
@@ -96,13 +96,13 @@ def unchanged(*stamps: Stamp) -> Iterator[None]:
 
 def of_array(values: NDArray[Any], box: Box) -> NDArray[Any]:
     """Return samples in memory."""
-    return values[_cuts(box)]
+    return values[slices(box)]
 
 
 def of_file(stamps: tuple[Stamp, ...], samples: StoredSamples, box: Box) -> NDArray[Any]:
     """Return raw samples of a file; `stamps`: the files that say where they are, and the one that has them."""
     with unchanged(*stamps), Source(samples.path) as source:
-        return samples[_cuts(box)].read(source.fetch)
+        return samples[slices(box)].read(source.fetch)
 
 
 def of_url(url: str, samples: StoredSamples, box: Box) -> NDArray[Any]:
@@ -118,7 +118,7 @@ def of_url(url: str, samples: StoredSamples, box: Box) -> NDArray[Any]:
                 raise EOFError("the file ends early")
             return content
 
-        return samples[_cuts(box)].read(fetch, _REMOTE_CALL)
+        return samples[slices(box)].read(fetch, _REMOTE_CALL)
 
 
 def of_hdf5(stamps: tuple[Stamp], dataset: str, box: Box) -> NDArray[Any]:
@@ -146,7 +146,7 @@ def of_netcdf(stamps: tuple[Stamp], inner: str, name: str | None, step: int | No
 
 def of_lazy(array: Any, box: Box) -> Any:
     """Return samples of an array of another library that reads parts of itself: dask, Zarr."""
-    return _computed(array[_cuts(box)])
+    return _computed(array[slices(box)])
 
 
 def of_placed(found: Any, box: Box) -> NDArray[Any]:
@@ -162,7 +162,3 @@ def of_placed(found: Any, box: Box) -> NDArray[Any]:
 def _computed(part: Any) -> Any:
     # Tasks of a worker draw bricks; further tasks of its scheduler would wait for them.
     return part.compute(scheduler="synchronous") if hasattr(part, "compute") else part
-
-
-def _cuts(box: Box) -> tuple[slice, ...]:
-    return tuple(slice(first, last) for first, last in box)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat.bricks.kernel_source import KernelSource
-from sheetsplat.bricks.lattice import Box
+from sheetsplat.bricks.lattice import Box, holds, slices
 from sheetsplat.bricks.sources import BrickSource
 from sheetsplat.fields import EllipsoidField, RegularField
 from sheetsplat.renderer import Renderer
@@ -208,7 +208,7 @@ class Residents:
     def _entry(self, source: BrickSource, core: Box, wanted: Box) -> _Entry:
         key = (source.key, core)
         entry: _Entry | None = self._entries.get(key)
-        if entry is not None and _holds(entry.outer, wanted):
+        if entry is not None and holds(entry.outer, wanted):
             self._use(key, entry)
             return entry
         outer = wanted if entry is None else _around(entry.outer, wanted)
@@ -251,10 +251,6 @@ class Residents:
             self._entries.clear()
 
 
-def _holds(outer: Box, inner: Box) -> bool:
-    return all(a <= c and d <= b for (a, b), (c, d) in zip(outer, inner, strict=True))
-
-
 def _around(first: Box, second: Box) -> Box:
     k, j, i = ((min(a, c), max(b, d)) for (a, b), (c, d) in zip(first, second, strict=True))
     return k, j, i
@@ -263,8 +259,7 @@ def _around(first: Box, second: Box) -> Box:
 def _cut(entry: _Entry, wanted: Box) -> NDArray[Any]:
     if wanted == entry.outer:
         return entry.values
-    cut = tuple(slice(a - o, b - o) for (a, b), (o, _) in zip(wanted, entry.outer, strict=True))
-    return np.ascontiguousarray(entry.values[cut])
+    return np.ascontiguousarray(entry.values[slices(wanted, entry.outer)])
 
 
 _here: list[Residents] = []

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.bricks.lattice import Box
+from sheetsplat.bricks.lattice import Box, slices
 from sheetsplat.bricks.partition import Partition
 from sheetsplat.bricks.readers import Shape
 from sheetsplat.bricks.resident import residents
@@ -133,7 +133,7 @@ def survey_brick(values: NDArray[Any], outer: Box, core: Box, number: int, plan:
     InvalidInput
         For infinite samples.
     """
-    own = values[tuple(slice(a - o, b - o) for (a, b), (o, _) in zip(core, outer, strict=True))]
+    own = values[slices(core, outer)]
     there = ~np.isnan(own) if own.dtype.kind == "f" else None
     missing = 0 if there is None else own.size - int(np.count_nonzero(there))
     if missing == own.size:

@@ -452,9 +452,7 @@ def _grid(bricks: int, size: tuple[int, int], stop: float) -> Graph:
     direction = np.array((-0.5, -0.4, -1.0)) / np.linalg.norm((-0.5, -0.4, -1.0))
     eye = np.full(3, middle) - 2.0 * bricks * direction
     camera = ss.Camera.orthographic(tuple(eye), (middle,) * 3, height=1.5 * bricks)
-    view = BrickView.of(
-        partition, whole, look, {"slice_spacing": 1e-3, "opacity_stop": stop}, camera, size, lattice=lattice
-    )
+    view = BrickView.of(partition, whole, look, {"slice_spacing": 1e-3, "opacity_stop": stop}, camera, size)
     return Graph.of(view, [number for number in view.order() if view.footprint(number) is not None])
 
 

@@ -94,9 +94,7 @@ class Bricked:
     def view(self, camera: ss.Camera, outputs: tuple[str, ...] = (), settings: Any = None, **options: Any) -> BrickView:
         """Return the view of a picture."""
         look = ss.TransferFunction(LOOK)
-        return BrickView.of(
-            self.partition, self.whole, look, options, camera, SIZE, outputs, None, settings, self.lattice
-        )
+        return BrickView.of(self.partition, self.whole, look, options, camera, SIZE, outputs, None, settings)
 
     def field_of(self, view: BrickView) -> Fields:
         """Return what makes the fields of bricks from the samples or kernels around them alone."""

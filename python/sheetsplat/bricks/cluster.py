@@ -32,7 +32,7 @@ from sheetsplat.bricks.view import BrickView, figures
 from sheetsplat.bricks.watch import Watch, connected
 from sheetsplat.bricks.workers import Workers, memory_limit, workers_of
 from sheetsplat.errors import Error, OutOfMemory, complain
-from sheetsplat.fields import BrickedField, BrickedKernels
+from sheetsplat.fields import Bricked, BrickedKernels
 from sheetsplat.options.renderer import Progress
 
 # How many workers may be lost in one picture.
@@ -48,7 +48,7 @@ _BORDERS = 1.8
 _KERNEL_BYTES = 112
 
 
-def frames_side_by_side(client: Any, field: BrickedField | BrickedKernels) -> int:
+def frames_side_by_side(client: Any, field: Bricked) -> int:
     """Return how many pictures of a film are best drawn side by side, each by one worker; 0: all draw each picture.
 
     Workers that can keep all of the data need not wait for each other.
@@ -68,7 +68,7 @@ def frames_side_by_side(client: Any, field: BrickedField | BrickedKernels) -> in
     return len(limits) if limits and min(limits) * _ALL_OF_IT >= _kept_bytes(field) else 0
 
 
-def _kept_bytes(field: BrickedField | BrickedKernels) -> float:
+def _kept_bytes(field: Bricked) -> float:
     """Return about how much memory all bricks take, with their borders."""
     if isinstance(field, BrickedKernels):
         return _BORDERS * _KERNEL_BYTES * field.kernels
@@ -351,7 +351,7 @@ def each(
     return Pending(client, source.name, submit, lambda one: one.value).result()
 
 
-def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) -> Pending:
+def begin(client: Any, field: Bricked, view: BrickView) -> Pending:
     """Let the workers of a client begin a picture. Its result is a `Finished` picture, and figures.
 
     Raises
@@ -396,9 +396,7 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
     return Pending(client, source.name, submit, convert)
 
 
-def begin_measure(
-    client: Any, field: BrickedField | BrickedKernels, view: BrickView, opacity: NDArray[np.float32]
-) -> Pending:
+def begin_measure(client: Any, field: Bricked, view: BrickView, opacity: NDArray[np.float32]) -> Pending:
     """Let the workers measure light in a picture with some opacities; the result is that of `Measure`.
 
     Raises what `begin` does.

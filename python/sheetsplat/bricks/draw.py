@@ -34,15 +34,7 @@ def native_part(
     if in_front is None:
         options["opacity_stop"] = 1.0
     native = Scene.of_checked(field, view.transfer_function, options).native
-    return native.with_part(
-        cell=view.cell(number),
-        centres=view.whole.centres,
-        depths=depths,
-        in_front=in_front,
-        domain=view.whole.domain,
-        filled=view.whole.is_filled,
-        light=light,
-    )
+    return view.part(native, view.cell(number), depths, in_front=in_front, light=light)
 
 
 def draw_brick(

@@ -73,15 +73,8 @@ def planned_light(view: BrickView, field: Field) -> BrickView:
     """
     if not view.is_dimmed:
         return view.replace(light=None)
-    native = Scene.of_checked(field, view.transfer_function, view.options).native.with_part(
-        cell=EVERYWHERE,
-        centres=view.whole.centres,
-        depths=view.depths(),
-        in_front=None,
-        supports=view.supports(),
-        domain=view.whole.domain,
-        filled=view.whole.is_filled,
-    )
+    native = Scene.of_checked(field, view.transfer_function, view.options).native
+    native = view.part(native, EVERYWHERE, view.depths, supports=view.supports)
     renderer = renderer_of(view.settings, "wholes")
     return view.replace(light=renderer.plan_light(native, view.camera.native, size=view.size))
 
@@ -94,7 +87,7 @@ def pieces_of(view: BrickView, source: Any, number: int) -> LightPieces:
     InvalidInput, Unsupported, OutOfMemory, Cancelled
         As `Renderer.render`.
     """
-    native = native_part(view, number, field_of(source, view, number), view.depths())
+    native = native_part(view, number, field_of(source, view, number), view.depths)
     found = renderer_of(view.settings).light_pieces(
         native, view.camera.native, size=view.size, light=view.light, progress=asked()
     )

@@ -25,7 +25,7 @@ from sheetsplat.bricks.partition import MERGED
 from sheetsplat.bricks.resident import renderer_of
 from sheetsplat.bricks.tasks import Tasks
 from sheetsplat.bricks.view import BrickView
-from sheetsplat.fields import BrickedField, BrickedKernels
+from sheetsplat.fields import Bricked
 from sheetsplat.options.renderer import Progress
 
 Floats = NDArray[np.float64]
@@ -120,9 +120,7 @@ class Lines:
     shown: Floats
 
 
-def measured_light(
-    tasks: Tasks, view: BrickView, field: BrickedField | BrickedKernels, opacity: NDArray[np.float32]
-) -> Any:
+def measured_light(tasks: Tasks, view: BrickView, field: Bricked, opacity: NDArray[np.float32]) -> Any:
     """Return what measures light in a picture with some opacities: see `Measure`."""
     shown, dimming = shown_bricks(field, view), dimming_bricks(field, view)
     light, _ = light_of(tasks, view, source_key(field), dimming)
@@ -143,7 +141,7 @@ def given_to_all(_: BrickView, value: Any) -> Any:
 
 def spots_of(view: BrickView, source: Any, number: int, light: LightVolumes, probes: Probes) -> Spots:
     """Return what a brick shows at pixels; raises what `draw_brick` does."""
-    native = native_part(view, number, field_of(source, view, number), view.depths(), light=light)
+    native = native_part(view, number, field_of(source, view, number), view.depths, light=light)
     table = renderer_of(view.settings).light_spots(
         native, view.camera.native, size=view.size, numbers=list(probes.numbers), progress=asked()
     )
@@ -219,7 +217,7 @@ def _steps_of(shares: Floats, step: float, chance: float) -> Floats:
 
 def lines_of(view: BrickView, source: Any, number: int, light: LightVolumes, chosen: Spots) -> Lines:
     """Return what a brick leaves of light on lines from points; raises what `draw_brick` does."""
-    native = native_part(view, number, field_of(source, view, number), view.depths(), light=light)
+    native = native_part(view, number, field_of(source, view, number), view.depths, light=light)
     table = chosen.table.copy()
     table[:, _OWN] = chosen.bricks == number
     return Lines(

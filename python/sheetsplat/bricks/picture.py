@@ -13,21 +13,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat._waiting import asking, part
 from sheetsplat.bricks.draw import render_bricks
-from sheetsplat.bricks.error import Draw, estimate_error
+from sheetsplat.bricks.error import estimate_error
 from sheetsplat.bricks.light import light_of, planned_light
-from sheetsplat.bricks.light_error import Measure, measured_light
+from sheetsplat.bricks.light_error import measured_light
 from sheetsplat.bricks.needs import bricked_field, dimming_bricks, planned, shown_bricks, source_key, view_of
 from sheetsplat.bricks.partial import Finished
 from sheetsplat.bricks.resident import residents
 from sheetsplat.bricks.tasks import Tasks
 from sheetsplat.bricks.view import BrickView, figures
 from sheetsplat.camera import Camera
-from sheetsplat.fields import BrickedField, BrickedKernels
+from sheetsplat.fields import Bricked
 from sheetsplat.image import ErrorEstimate, Image, image_of
 from sheetsplat.limits import Depths, checked_depths
 from sheetsplat.look.empty import warn_of_unseen
 from sheetsplat.options.renderer import Progress
-from sheetsplat.plan import RenderPlan
 from sheetsplat.quality.lost import keeping, warn_of_lost, with_lost
 from sheetsplat.recipe import Recipe
 from sheetsplat.scene import Scene
@@ -55,36 +54,68 @@ class Begun:
         outputs: tuple[str, ...] = (),
         depth_limit: Depths | None = None,
     ) -> None:
-        self._began, self._scene = time.perf_counter(), scene
+        self._began, self._scene, self._size, self._limit = time.perf_counter(), scene, size, depth_limit
         field = bricked_field(scene)
         assert field is not None
         view = view_of(field, scene, camera, size, outputs, depth_limit, settings)
         self._view, self._plan = planned(scene, view)
-        begin, measure = _HERE
+        self._begin, self._begin_measure = _HERE
         if client is not None:
             from sheetsplat.bricks import cluster
 
-            begin, measure = partial(cluster.begin, client), partial(cluster.begin_measure, client)
-        self._pending = begin(field, self._view)
-
-        def drawn(other: BrickView, progress: Progress | None) -> Finished:
-            with asking(progress):
-                found: Finished = begin(field, other).result(progress)[0]
-            return found
-
-        def measured(opacity: NDArray[np.float32], progress: Progress | None) -> tuple[float, float]:
-            with asking(progress):
-                found: tuple[float, float] = measure(field, self._view, opacity).result(progress)
-            return found
-
-        self._draw: Draw = drawn
-        self._measure: Measure = measured
+            self._begin, self._begin_measure = partial(cluster.begin, client), partial(cluster.begin_measure, client)
+        self._field, self._pending = field, self._begin(field, self._view)
 
     def result(self, progress: Progress | None = None) -> Image:
         """Return the picture; raises what reading and drawing a brick raises."""
         finished, stats = self._pending.result(progress)
         stats |= {"total": time.perf_counter() - self._began}
-        return finished_image(self._scene, self._view, self._plan, finished, stats, self._draw, self._measure)
+        scene, view, samples = self._scene, self._view, self._scene.supersampling
+        arrays = averaged(finished, samples)
+        _log.info(
+            "rendered %d x %d in %.0f of %.0f bricks, %.0f read", *self._size, stats["bricks_drawn"], stats["bricks"],
+            stats["bricks_read"],
+        )  # fmt: skip
+        return image_of(
+            Recipe.of(scene, view.camera, self._size, view.settings),
+            self._plan,
+            stats,
+            rgba=arrays.rgba,
+            scalar=arrays.scalar,
+            coverage=arrays.coverage,
+            depth=arrays.depth,
+            depth_limit=self._limit,
+            scene=scene,
+            estimate=partial(self._estimate, arrays),
+        )
+
+    def _estimate(self, arrays: Finished, progress: Progress | None) -> ErrorEstimate:
+        scene, view = self._scene, self._view
+
+        def draw(other: BrickView, told: Progress | None, samples: int = scene.supersampling) -> Finished:
+            with asking(told):
+                found: Finished = averaged(self._begin(self._field, other).result(told)[0], samples)
+            return found
+
+        def measure(opacity: NDArray[np.float32], told: Progress | None) -> tuple[float, float]:
+            with asking(told):
+                found: tuple[float, float] = self._begin_measure(self._field, view, opacity).result(told)
+            return found
+
+        found = estimate_error(view, self._plan, arrays, draw, measure, progress)
+        better = keeping(scene, view.camera, self._size)
+        if better is None or arrays.scalar is None:
+            return found
+        count = better.supersampling
+        other = view.replace(
+            options={**view.options, "filter": better.filter},
+            size=fine_size(self._size, count),
+            depth_limit=fine_depths(self._limit, count),
+            outputs=(),
+            allowed=None,
+        )
+        whole = draw(other, progress, count)
+        return found if whole.scalar is None else with_lost(found, arrays.scalar, whole.scalar)
 
     def cancel(self) -> None:
         """Give it up."""
@@ -145,7 +176,7 @@ class _Later:
         """Nothing was begun."""
 
 
-def _draw_here(field: BrickedField | BrickedKernels, view: BrickView) -> tuple[Finished, dict[str, float]]:
+def _draw_here(field: Bricked, view: BrickView) -> tuple[Finished, dict[str, float]]:
     before = residents().counts.of_picture()
     view = planned_light(view, field)
     with part(0.0, 0.0):
@@ -155,9 +186,7 @@ def _draw_here(field: BrickedField | BrickedKernels, view: BrickView) -> tuple[F
     return finished, figures(view, residents().counts.of_picture() - before, of_light)
 
 
-def _measure_here(
-    field: BrickedField | BrickedKernels, view: BrickView, opacity: NDArray[np.float32]
-) -> tuple[float, float]:
+def _measure_here(field: Bricked, view: BrickView, opacity: NDArray[np.float32]) -> tuple[float, float]:
     view = planned_light(view, field)
     # The share that is done is not known of bricks.
     with part(0.0, 0.0):
@@ -166,55 +195,3 @@ def _measure_here(
 
 
 _HERE: tuple[Callable[..., Any], Callable[..., Any]] = (partial(_Later, _draw_here), partial(_Later, _measure_here))
-
-
-def finished_image(
-    scene: Scene,
-    view: BrickView,
-    plan: RenderPlan,
-    finished: Finished,
-    stats: dict[str, float],
-    draw: Draw,
-    measure: Measure,
-) -> Image:
-    """Return a picture that was drawn in bricks, with how it was made; `draw` and `measure` are for its error."""
-    samples = scene.supersampling
-    width, height = view.size[0] // samples, view.size[1] // samples
-    limit = None if view.depth_limit is None else view.depth_limit[::samples, ::samples]
-    arrays = averaged(finished, samples)
-    _log.info(
-        "rendered %d x %d in %.0f of %.0f bricks, %.0f read", width, height, stats["bricks_drawn"], stats["bricks"],
-        stats["bricks_read"],
-    )  # fmt: skip
-
-    def estimate(progress: Progress | None) -> ErrorEstimate:
-        found = estimate_error(
-            view, plan, arrays, lambda other, told: averaged(draw(other, told), samples), measure, progress
-        )
-        better = keeping(scene, view.camera, (width, height))
-        if better is None or arrays.scalar is None:
-            return found
-        count = better.supersampling
-        other = view.replace(
-            options={**view.options, "filter": better.filter},
-            size=fine_size((width, height), count),
-            depth_limit=fine_depths(limit, count),
-            outputs=(),
-            allowed=None,
-        )
-        whole = averaged(draw(other, progress), count)
-        return found if whole.scalar is None else with_lost(found, arrays.scalar, whole.scalar)
-
-    recipe = Recipe.of(scene, view.camera, (width, height), view.settings)
-    return image_of(
-        recipe,
-        plan,
-        stats,
-        rgba=arrays.rgba,
-        scalar=arrays.scalar,
-        coverage=arrays.coverage,
-        depth=arrays.depth,
-        depth_limit=limit,
-        scene=scene,
-        estimate=estimate,
-    )

@@ -25,7 +25,7 @@ def surveyed(samples, edges, lattice="cartesian"):
     parts = []
     for number, core in enumerate(cores):
         outer = plan.margin(core)
-        parts.append(survey_brick(source.read(outer), outer, core, number, plan, "it"))
+        parts.append((survey_brick(source.read(outer), outer, core, number, plan, "it"),))
     from sheetsplat.bricks.statistics import Survey
 
     one_by_one = merge_surveys(None, *parts)

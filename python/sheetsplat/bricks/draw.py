@@ -18,6 +18,7 @@ from sheetsplat.bricks.view import BrickView
 from sheetsplat.fields import Field
 from sheetsplat.options.renderer import OUTPUTS
 from sheetsplat.scene import Scene
+from sheetsplat.tiles import window
 
 
 def native_part(
@@ -61,18 +62,17 @@ def draw_brick(
     InvalidInput, Unsupported, OutOfMemory, Cancelled
         As `Renderer.render`.
     """
-    drawn = view.window(number)
-    if drawn is None:
+    rect = view.footprint(number)
+    if rect is None:
         return empty(view)
-    rect, camera = drawn
     left, top, right, bottom = rect
+    size = right - left, bottom - top
+    camera = window(view.camera, view.size, (left, top), size)
     scene = native_part(view, number, field, view.depths_of(number), in_front, light)
     if view.depth_limit is not None:
         scene = scene.with_depth_limit(np.ascontiguousarray(view.depth_limit[top:bottom, left:right]))
     also = {name: name in view.outputs for name in OUTPUTS}
-    image = renderer_of(view.settings).render(
-        scene=scene, camera=camera.native, size=(right - left, bottom - top), **also, progress=asked()
-    )
+    image = renderer_of(view.settings).render(scene=scene, camera=camera.native, size=size, **also, progress=asked())
     residents().counts.drawn += 1
 
     def of(array: NDArray[np.float32] | None, dtype: type = np.float32) -> NDArray[np.floating] | None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, replace
-from typing import Any, cast
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,21 +81,9 @@ class LatticeSpec:
     @classmethod
     def of(cls, field: RegularField) -> LatticeSpec:
         """Return what a field is made of, beside its samples."""
-        return cls(
-            shape=field.shape,
-            spacing=field.spacing,
-            origin=field.origin,
-            lattice=cast(Lattice, field.lattice),
-            radius=field.radius,
-            falloff=field.falloff,
-            normalization=cast(Normalization, field.normalization),
-            w0=field.w0,
-            nan=cast(NanPolicy, field.nan),
-            prefilter=field.prefilter,
-            boundary=cast(Boundary, field.boundary),
-            base=field.base,
-            has_holes=field.survey.missing > 0 if isinstance(field, BrickedField) else field.native.has_holes,
-        )
+        own = {one.name: getattr(field, one.name) for one in fields(cls) if one.name != "has_holes"}
+        has_holes = field.survey.missing > 0 if isinstance(field, BrickedField) else field.native.has_holes
+        return cls(**own, has_holes=has_holes)
 
     @property
     def steps(self) -> Triple:
@@ -328,15 +316,8 @@ class LatticeSpec:
         wanted = tuple(last - first for first, last in read)
         if samples.shape != wanted:
             raise complain("a brick cannot be made", f"samples of shape {samples.shape}", f"shape {wanted}")
-        options: dict[str, Any] = {
-            "lattice": self.lattice,
-            "radius": self.radius,
-            "falloff": self.falloff,
-            "spacing": self.spacing,
-            "w0": self.w0,
-            "nan": self.nan,
-            "base": self.base,
-        }
+        names = ("lattice", "radius", "falloff", "spacing", "w0", "nan", "base")
+        options: dict[str, Any] = {name: getattr(self, name) for name in names}
         found = None
         if self.prefilter:
             # Where the volume is cut the boundary does not matter, as far away as it is.

@@ -131,12 +131,6 @@ def may_show(field: Bricked, view: BrickView, number: int) -> bool:
     return found is not None and view.may_show(found)
 
 
-def may_dim(field: Bricked, view: BrickView, number: int) -> bool:
-    """Return whether a brick, seen or not, can dim light that passes it."""
-    found = _range_of(field, view, number)
-    return found is not None and view.may_dim(found)
-
-
 def shown_bricks(field: Bricked, view: BrickView) -> list[int]:
     """Return the bricks that can add anything to a picture, from front to back."""
     return [number for number in view.order() if may_show(field, view, number)]
@@ -144,7 +138,10 @@ def shown_bricks(field: Bricked, view: BrickView) -> list[int]:
 
 def dimming_bricks(field: Bricked, view: BrickView) -> list[int]:
     """Return the bricks that can dim light in a picture; none where none of it is dimmed."""
-    return [] if view.light is None else [n for n in range(len(view.partition)) if may_dim(field, view, n)]
+    if view.light is None:
+        return []
+    ranges = ((number, _range_of(field, view, number)) for number in range(len(view.partition)))
+    return [number for number, found in ranges if found is not None and view.may_dim(found)]
 
 
 def _range_of(field: Bricked, view: BrickView, number: int) -> tuple[float, float] | None:

@@ -30,7 +30,7 @@ from sheetsplat.fields.regular import narrowest
 from sheetsplat.io.axes import tell_units
 from sheetsplat.io.kernels import log_base
 from sheetsplat.options.bricks import OpenBricksOptions, cluster_of, edge_of, folder_of, kernels_of, levels_of
-from sheetsplat.options.core import check_names, definitions, documented
+from sheetsplat.options.core import check_names, definitions, documented, filled
 from sheetsplat.options.data import KernelOptions, PlacementOptions
 from sheetsplat.options.quality import QUALITIES
 from sheetsplat.quality.choose import Choice
@@ -98,29 +98,27 @@ def open_bricks(path_or_array: Any, **options: Unpack[OpenBricksOptions]) -> Bri
 
 def _opened(path_or_array: Any, options: OpenBricksOptions) -> BrickedField | BrickedKernels:
     given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
-    brick = edge_of("open_bricks: brick", given.pop("brick", definitions(OpenBricksOptions)["brick"].default))
-    most = kernels_of(
-        "open_bricks: brick_kernels",
-        given.pop("brick_kernels", definitions(OpenBricksOptions)["brick_kernels"].default),
+    own = filled(OpenBricksOptions, given)
+    cut = _Cut(
+        edge_of("open_bricks: brick", own["brick"]),
+        levels_of("open_bricks: levels", own["levels"]),
+        folder_of("open_bricks: scratch", own["scratch"]),
     )
-    levels = levels_of("open_bricks: levels", given.pop("levels", definitions(OpenBricksOptions)["levels"].default))
-    scratch = folder_of("open_bricks: scratch", given.pop("scratch", None))
-    client = cluster_of("open_bricks: client", given.pop("client", None))
-    look_after("open_bricks", client, given.pop("worker_timeout", None))
-    given.pop("progress", None)
-    switched = ("log", "offset", "resample")
-    given = {name: value for name, value in given.items() if name not in switched or not is_off(value)}
+    most = kernels_of("open_bricks: brick_kernels", own["brick_kernels"])
+    client = cluster_of("open_bricks: client", own["client"])
+    look_after("open_bricks", client, given.get("worker_timeout"))
+    off = [name for name in ("log", "offset", "resample") if is_off(given.get(name))]
+    given = {name: value for name, value in given.items() if name not in (*_OWN, *off)}
     pieces = pieces_of(path_or_array, given, client)
     if pieces is not None:
-        _refuse({"levels": levels} if levels else {}, ("levels",), "kernels")
+        _refuse({"levels": cut.levels} if cut.levels else {}, ("levels",), "kernels")
         _refuse(given, [name for name in given if name not in (*READING, *KERNELS, "log", "quality")], "kernels")
         made_of = {name: value for name, value in given.items() if name != "quality"}
-        return open_kernels(pieces, most, scratch, client, given).opened_with(made_of)
+        return open_kernels(pieces, most, cut.scratch, client, given).opened_with(made_of)
     _refuse(given, _REFUSED, "volumes")
     if "offset" in given:
         given["offset"] = whole("open_bricks: offset", given["offset"])
     source = open_source(path_or_array, {name: given[name] for name in _SAMPLES if name in given})
-    cut = _Cut(brick, levels, scratch)
     field = _field(source, cut, client, given)
     choice = Choice("open_bricks", {name: value for name, value in options.items() if name not in _OWN})
     made = choice.kernel(field.probed_by(BrickProber.of(client)), made=False)

@@ -41,8 +41,6 @@ FORMATS = (
     "raw samples (with shape and dtype), .npy, raw NRRD and MetaImage, HDF5, NetCDF, Zarr and OME-Zarr; particles in "
     "HDF5, and Parquet"
 )
-# Formats of files with several arrays.
-_NAMED = ("hdf5 volume", "zarr", "netcdf")
 
 
 def box_text(box: Box) -> str:
@@ -338,9 +336,7 @@ def _file(text: str, options: Mapping[str, Any]) -> BrickSource:
             raise complain(
                 f"{text} cannot be opened in bricks", "a gzipped file", "one that is not packed", "unpack it first"
             )
-        timed = ("step",) if found.name in ("netcdf", "zarr") else ()
-        named = ("name", "scalar") if found.name in _NAMED else ()
-        allowed = ("shape", "dtype", "offset") if found.name == "raw" else (*named, *timed)
+        locate, allowed = _LOCATED[found.name]
         if wrong := [name for name in options if name not in allowed]:
             raise complain(
                 f"{text} cannot be opened in bricks",
@@ -348,7 +344,7 @@ def _file(text: str, options: Mapping[str, Any]) -> BrickSource:
                 "only " + ", ".join(allowed) if allowed else "none",
                 option=wrong[0] if len(wrong) == 1 else None,
             )
-        made: BrickSource = _LOCATED[found.name](source, text, options)
+        made: BrickSource = locate(source, text, options)
         return made
 
 
@@ -448,14 +444,15 @@ def _raw(reader: str, *, behind_header: bool = False) -> Callable[..., BrickSour
     return locate
 
 
-_LOCATED: Mapping[str, Any] = {
-    "raw": _raw("raw:locate"),
-    "npy": _raw("numpy_files:locate"),
-    "nrrd": _raw("nrrd_files:read", behind_header=True),
-    "metaimage": _raw("metaimage:read", behind_header=True),
-    "hdf5 volume": _hdf5,
-    "zarr": _zarr,
-    "netcdf": _netcdf,
+# What locates samples in files of a format, and the options of reading that these have.
+_LOCATED: Mapping[str, tuple[Callable[..., BrickSource], tuple[str, ...]]] = {
+    "raw": (_raw("raw:locate"), ("shape", "dtype", "offset")),
+    "npy": (_raw("numpy_files:locate"), ()),
+    "nrrd": (_raw("nrrd_files:read", behind_header=True), ()),
+    "metaimage": (_raw("metaimage:read", behind_header=True), ()),
+    "hdf5 volume": (_hdf5, ("name", "scalar")),
+    "zarr": (_zarr, ("name", "scalar", "step")),
+    "netcdf": (_netcdf, ("name", "scalar", "step")),
 }
 
 

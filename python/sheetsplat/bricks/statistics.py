@@ -7,6 +7,7 @@ a volume in memory, no more than some millions of them.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -214,14 +215,14 @@ def _roughness(values: NDArray[Any], outer: Box, core: Box, plan: SurveyPlan) ->
     return np.asarray(rows, np.float64).reshape(-1, 5)
 
 
-def survey_of(shared: tuple[Partition, SurveyPlan], source: BrickSource, number: int) -> BrickSurvey:
-    """Return what is known of one brick, whose samples stay in this process where they fit."""
+def survey_of(shared: tuple[Partition, SurveyPlan], source: BrickSource, number: int) -> tuple[BrickSurvey]:
+    """Return what is known of one brick, alone in a tuple, whose samples stay in this process where they fit."""
     partition, plan = shared
     core = partition.bricks[number].samples
     assert core is not None
     outer = plan.margin(core)
     values = residents().samples(source, core, outer)
-    return survey_brick(values, outer, core, number, plan, source.name)
+    return (survey_brick(values, outer, core, number, plan, source.name),)
 
 
 def first_sample(source: BrickSource) -> Any:
@@ -240,9 +241,9 @@ def first_sample(source: BrickSource) -> Any:
     return None
 
 
-def merge_surveys(_: Any, *parts: BrickSurvey | tuple[BrickSurvey, ...]) -> tuple[BrickSurvey, ...]:
-    """Return the surveys of several bricks, or of several such groups of bricks, in their order."""
-    return tuple(one for part in parts for one in (part if isinstance(part, tuple) else (part,)))
+def merge_surveys(_: Any, *parts: tuple[BrickSurvey, ...]) -> tuple[BrickSurvey, ...]:
+    """Return the surveys of all groups of bricks, in their order."""
+    return tuple(itertools.chain(*parts))
 
 
 @dataclass(frozen=True, eq=False)

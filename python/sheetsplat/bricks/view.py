@@ -22,7 +22,6 @@ from sheetsplat.limits import Depths
 from sheetsplat.options.core import SCALAR, checked
 from sheetsplat.options.renderer import RendererClassOptions
 from sheetsplat.options.scene import SceneOptions, surfaces_of
-from sheetsplat.tiles import window as window_of
 from sheetsplat.transfer import TransferFunction
 
 # Distances are enlarged by this, so that rounding does not leave out a kernel that just reaches.
@@ -289,14 +288,6 @@ class BrickView:
     def footprint(self, number: int) -> Rect | None:
         """Return the rectangle of pixels that a brick can change, or None where there are none."""
         return self.places.footprint(number)
-
-    def window(self, number: int) -> tuple[Rect, Camera] | None:
-        """Return the pixels of a brick's footprint and their camera; None where it changes none."""
-        rect = self.footprint(number)
-        if rect is None:
-            return None
-        x0, y0, x1, y1 = rect
-        return rect, window_of(self.camera, self.size, (x0, y0), (x1 - x0, y1 - y0))
 
     def outline(self, number: int) -> NDArray[np.bool_]:
         """Return which pixels of its footprint a brick can change, (h, w): those whose rays meet its cell."""

@@ -284,7 +284,7 @@ class _Tasks(Tasks):
 
     def kept(self, key: bytes, make: Callable[[], Any]) -> tuple[Any, bool]:
         """Return what an earlier picture made, or the key of what makes it: it outlives this one."""
-        found = self._cluster.kept(key)
+        found = self._cluster.kept(key, self._of)
         if found is not None:
             return found, False
         self._to_keep[key] = make()

@@ -446,7 +446,7 @@ def _grid(bricks: int, size: tuple[int, int], stop: float) -> Graph:
     """Return the tasks of a cube of so many bricks along each axis, with an opacity stop."""
     lattice = LatticeSpec((bricks,) * 3, radius=1e-3)
     partition = partition_lattice(lattice, 1)
-    whole = Whole.of_lattice(lattice, (0.0, 1.0))
+    whole = Whole.of_lattice(lattice, (0.0, 1.0), ((0.0,) * 3, (bricks - 1.0,) * 3))
     look = ss.TransferFunction([(0, 0, 0, 0, 0), (1, 1, 1, 1, 0.02)])
     middle = 0.5 * (bricks - 1)
     direction = np.array((-0.5, -0.4, -1.0)) / np.linalg.norm((-0.5, -0.4, -1.0))

@@ -122,16 +122,6 @@ class LatticeSpec:
         return constant * (1.0 + 1.01 * ripple.peak + 1e-6)
 
     @property
-    def centres(self) -> Bounds:
-        """World-aligned box of all samples' places."""
-        nk, nj, ni = self.shape
-        # Odd layers of a BCC lattice are moved by half a step along x and y.
-        moved = 0.5 if self.lattice == "bcc" and nk > 1 else 0.0
-        last = (ni - 1 + moved, nj - 1 + moved, nk - 1.0)
-        x, y, z = (o + step * n for o, step, n in zip(self.origin, self.steps, last, strict=True))
-        return self.origin, (x, y, z)
-
-    @property
     def ends(self) -> bool:
         """Whether the volume ends at its boundary, with mirrored samples beyond."""
         return ending.ends(self.shape, self.lattice, self.boundary)

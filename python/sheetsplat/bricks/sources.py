@@ -243,9 +243,9 @@ def open_source(data: Any, options: Mapping[str, Any]) -> BrickSource:
         return _of_object(data, kind.name)
 
 
-def _source(name: str, token: str, volume: Volume, reader: Reader, stored: np.dtype[Any] | None = None) -> BrickSource:
+def _source(name: str, token: str, volume: Volume, reader: Reader) -> BrickSource:
     """Return the source of a volume whose values stand for shape and type alone."""
-    kind = (volume.values.dtype if stored is None else stored).newbyteorder("=")
+    kind = volume.values.dtype.newbyteorder("=")
     check_volume(name, volume.values.shape, kind)
     nk, nj, ni = volume.values.shape
     if not volume.values.size:

@@ -53,7 +53,7 @@ class Whole:
     lattice: LatticeSpec | None = None
 
     @classmethod
-    def of_lattice(cls, lattice: LatticeSpec, value_range: tuple[float, float], centres: Bounds | None = None) -> Whole:
+    def of_lattice(cls, lattice: LatticeSpec, value_range: tuple[float, float], centres: Bounds) -> Whole:
         """Return the facts of a lattice.
 
         Parameters
@@ -63,12 +63,11 @@ class Whole:
         value_range
             As above; that of the samples bounds nothing where there is a prefilter, but a rough one does.
         centres
-            The box of the samples that are there, where some are NaN and left out.
+            The box of the samples that are there: some may be NaN and left out.
         """
-        box = lattice.centres if centres is None else centres
         return cls(
-            centres=box,
-            supports=(lattice.supports(box),),
+            centres=centres,
+            supports=(lattice.supports(centres),),
             value_range=value_range,
             default_slice_spacing=lattice.default_slice_spacing,
             largest_reach=max(lattice.semi_axes),

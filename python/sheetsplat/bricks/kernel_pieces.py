@@ -18,7 +18,7 @@ import numpy as np
 
 from sheetsplat._checks import shown
 from sheetsplat._objects import kind_of_object
-from sheetsplat.bricks.readers import Stamp, is_url, placed_errors
+from sheetsplat.bricks.readers import Stamp, check_options, check_plain, is_url, placed_errors, refused
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField
 from sheetsplat.io.formats import PARQUET
@@ -63,14 +63,14 @@ class Pieces:
 def _some(name: str, token: str, counts: Iterable[int], read: Callable[[int], EllipsoidField]) -> Pieces:
     made = Pieces(name, token, tuple(counts), read)
     if not sum(made.counts):
-        raise complain(f"{name} cannot be opened in bricks", "no rows", "at least one")
+        raise refused(name, "no rows", "at least one")
     return made
 
 
 def _in_memory(field: EllipsoidField, name: str = "the kernels") -> Pieces:
     if field.ghosts or not field.size:
         found = f"{field.ghosts} ghost points" if field.ghosts else "no kernels"
-        raise complain("the field cannot be opened in bricks", found, "kernels of data")
+        raise refused("the field", found, "kernels of data")
     digest = hashlib.blake2b(digest_size=12)
     for array in (field.centers, field.scales, field.rotations, field.values, field.weights):
         digest.update(b"-" if array is None else np.ascontiguousarray(array).data)
@@ -141,8 +141,8 @@ def _field(record: Scattered, kernels: Mapping[str, Any], where: str) -> Ellipso
     from sheetsplat.io.kernels import field_of
 
     if not record.has_kernels:
-        raise complain(
-            f"{where} cannot be opened in bricks",
+        raise refused(
+            where,
             "points without the sizes of kernels, which follow from their neighbours",
             "smoothing lengths, a column radius, or sx, sy, sz",
             "open it with sheetsplat.open",
@@ -222,13 +222,7 @@ def _holds_particles(text: str, options: Mapping[str, Any]) -> bool:
 
 def _reading(where: str, options: Mapping[str, Any], known: Sequence[str]) -> dict[str, Any]:
     """Return the options of kernels; InvalidInput for options of reading that are not known."""
-    if wrong := [name for name in READING if name in options and name not in known]:
-        raise complain(
-            f"{where} cannot be opened in bricks",
-            ", ".join(wrong) + " for a table of columns",
-            "only " + ", ".join(known),
-            option=wrong[0] if len(wrong) == 1 else None,
-        )
+    check_options(where, [name for name in READING if name in options], known, "a table of columns")
     return {name: options[name] for name in KERNELS if name in options}
 
 
@@ -240,9 +234,7 @@ def _of_hdf5(files: Sequence[str], options: Mapping[str, Any]) -> Pieces:
     stamps, spans = [], []
     for number, name in enumerate(files):
         with Source(Path(name), "") as source:
-            if source.packed:
-                found = "a gzipped file"
-                raise complain(f"{name} cannot be opened in bricks", found, "one that is not packed", "unpack it first")
+            check_plain(source, name)
             count, support = sph_hdf5.locate(source, options.get("particles"), reading.get("support"))
         if support is not None:
             # One for all files of a snapshot.
@@ -256,11 +248,10 @@ def _of_parquet(files: Sequence[str], options: Mapping[str, Any]) -> Pieces:
     kernels = _reading(files[0], options, ("scalar",))
     stamps, groups = [], []
     for number, name in enumerate(files):
-        what = f"{name} cannot be opened in bricks"
         if is_url(name):
             advice = "pass a DataFrame of dask, which reads URLs: dask.dataframe.read_parquet"
-            raise complain(what, "Parquet at a URL", "its path; at URLs raw samples alone are read", advice)
-        with placed_errors(what), Source(Path(name), "") as source:
+            raise refused(name, "Parquet at a URL", "its path; at URLs raw samples alone are read", advice)
+        with placed_errors(f"{name} cannot be opened in bricks"), Source(Path(name), "") as source:
             from pyarrow import parquet
 
             about = parquet.ParquetFile(source.path).metadata

@@ -19,6 +19,7 @@ from sheetsplat.bricks.cluster import each
 from sheetsplat.bricks.kernel_pieces import Pieces
 from sheetsplat.bricks.kernel_source import KernelSource, Table, field_of_table, joined_segments, sort_piece, table_of
 from sheetsplat.bricks.partition import Partition, partition_points
+from sheetsplat.bricks.readers import refused
 from sheetsplat.bricks.store import FileStore, MemoryStore, Store
 from sheetsplat.errors import complain
 from sheetsplat.fields import BrickedKernels, EllipsoidField, KernelFacts, joined_bounds
@@ -98,8 +99,8 @@ def merge_kernel_surveys(shared: tuple[int, str], *parts: KernelSurvey) -> Kerne
     first = parts[0]
     for one in parts[1:]:
         if one.sample.dtype != first.sample.dtype or one.template != first.template:
-            raise complain(
-                f"{shared[1]} cannot be opened in bricks",
+            raise refused(
+                shared[1],
                 f"pieces that are not alike: {_told(first)}, and {_told(one)}",
                 "the same kinds of kernels everywhere",
             )

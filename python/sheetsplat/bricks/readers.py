@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sheetsplat.bricks.lattice import Box, slices
 from sheetsplat.errors import Error, OutOfMemory, complain, missing_package
-from sheetsplat.io.source import Source, guarded
+from sheetsplat.io.source import Folder, Source, guarded
 from sheetsplat.io.stored import StoredSamples, changed
 
 Shape = tuple[int, int, int]
@@ -29,6 +29,24 @@ Reader = Callable[[Box], Any]
 def is_url(text: str) -> bool:
     """Return whether a text is a URL, and not the path of a file that is there."""
     return "://" in text and not os.path.lexists(text)
+
+
+def refused(name: object, found: str, wanted: str, advice: str = "", **more: Any) -> Error:
+    """Return the error for data that cannot be opened in bricks."""
+    return complain(f"{name} cannot be opened in bricks", found, wanted, advice, **more)
+
+
+def check_options(name: object, given: Iterable[str], known: Sequence[str], what: str) -> None:
+    """Raise InvalidInput for options of reading that were given and that `what` does not know."""
+    if wrong := [one for one in given if one not in known]:
+        found, wanted = f"{', '.join(wrong)} for {what}", "only " + ", ".join(known) if known else "none"
+        raise refused(name, found, wanted, option=wrong[0] if len(wrong) == 1 else None)
+
+
+def check_plain(source: Source | Folder, name: object) -> None:
+    """Raise InvalidInput for a file that is packed as a whole."""
+    if isinstance(source, Source) and source.packed:
+        raise refused(name, "a gzipped file", "one that is not packed", "unpack it first")
 
 
 @contextlib.contextmanager

@@ -25,7 +25,7 @@ from sheetsplat._checks import Triple, shown
 from sheetsplat._objects import kind_of_object
 from sheetsplat.bricks import readers
 from sheetsplat.bricks.lattice import Box
-from sheetsplat.bricks.readers import Reader, Shape, Stamp, is_url, placed_errors
+from sheetsplat.bricks.readers import Reader, Shape, Stamp, check_options, check_plain, is_url, placed_errors, refused
 from sheetsplat.errors import Unsupported, complain, option_ref
 from sheetsplat.fields.regular import as_samples, kept_type
 from sheetsplat.io.kernels import logarithm
@@ -249,10 +249,10 @@ def _source(name: str, token: str, volume: Volume, reader: Reader) -> BrickSourc
     check_volume(name, volume.values.shape, kind)
     nk, nj, ni = volume.values.shape
     if not volume.values.size:
-        raise complain(f"{name} cannot be opened in bricks", f"no samples, shape {(nk, nj, ni)}", "at least one")
+        raise refused(name, f"no samples, shape {(nk, nj, ni)}", "at least one")
     if kind.kind == "f" and kind.itemsize > 8:
         wanted = "at most float64"
-        raise complain(f"{name} cannot be opened in bricks", f"samples of type {kind}", wanted, "convert them")
+        raise refused(name, f"samples of type {kind}", wanted, "convert them")
     return BrickSource(
         name,
         _digest(token.encode()),
@@ -299,7 +299,7 @@ def _of_object(data: Any, name: str) -> BrickSource:
         return _source(name, _opened_anew(), volume, partial(readers.of_placed, found))
     if module == "h5py":
         if not Path(str(data.file.filename)).is_file():
-            raise complain(f"{name} cannot be opened in bricks", "a file in memory", "a file that all workers can read")
+            raise refused(name, "a file in memory", "a file that all workers can read")
         return _file(f"{data.file.filename}:{data.name}", {})
     if module == "zarr":
         root = getattr(data.store, "root", None)
@@ -310,8 +310,8 @@ def _of_object(data: Any, name: str) -> BrickSource:
     if module == "dask":
         check_volume(name, data.shape, data.dtype)
         return _source(name, _opened_anew(), Volume(_stand_in(data.shape, data.dtype)), partial(readers.of_lazy, data))
-    raise complain(
-        f"{name} cannot be opened in bricks",
+    raise refused(
+        name,
         f"{type(data).__name__}, which is read as a whole",
         "a path, or an array of NumPy, dask, Zarr, h5py or xarray",
         "open it with sheetsplat.open",
@@ -325,25 +325,16 @@ def _file(text: str, options: Mapping[str, Any]) -> BrickSource:
     with opened(text) as source:
         found = format_of(source, raw_options="shape" in options or "dtype" in options)
         if found.scattered or found.name not in _LOCATED:
-            raise complain(
-                f"{text} cannot be opened in bricks",
+            raise refused(
+                text,
                 f"a file of format {found.name}, which is read as a whole",
                 FORMATS,
                 "convert it, or open it with sheetsplat.open",
                 kind=Unsupported,
             )
-        if isinstance(source, Source) and source.packed:
-            raise complain(
-                f"{text} cannot be opened in bricks", "a gzipped file", "one that is not packed", "unpack it first"
-            )
+        check_plain(source, text)
         locate, allowed = _LOCATED[found.name]
-        if wrong := [name for name in options if name not in allowed]:
-            raise complain(
-                f"{text} cannot be opened in bricks",
-                ", ".join(wrong) + f" for a file of format {found.name}",
-                "only " + ", ".join(allowed) if allowed else "none",
-                option=wrong[0] if len(wrong) == 1 else None,
-            )
+        check_options(text, options, allowed, f"a file of format {found.name}")
         made: BrickSource = locate(source, text, options)
         return made
 

@@ -46,27 +46,33 @@ def asking(progress: Progress | None, what: str = "the picture") -> Iterator[Non
 
 def note(share: float) -> None:
     """Set the finished share that the callback is told next."""
-    asked = _asked.get()
-    if asked is not None:
-        asked.share = share
+    found = _asked.get()
+    if found is not None:
+        found.share = share
 
 
 def ask() -> None:
     """Ask the callback; Cancelled where it returns False."""
-    asked = _asked.get()
-    if asked is not None and asked.progress(asked.share) is False:
-        raise complain(f"{asked.what} was given up", option_ref("progress") + " returned False", kind=Cancelled)
+    found = _asked.get()
+    if found is not None and found.progress(found.share) is False:
+        raise complain(f"{found.what} was given up", option_ref("progress") + " returned False", kind=Cancelled)
+
+
+def asked() -> Progress | None:
+    """Return the callback, for what calls it by itself; None: there is none."""
+    found = _asked.get()
+    return None if found is None else found.progress
 
 
 @contextmanager
 def part(start: float, end: float) -> Iterator[None]:
     """Let shares that are told meanwhile be those of a part of the whole."""
-    asked = _asked.get()
-    if asked is None:
+    found = _asked.get()
+    if found is None:
         yield
         return
-    progress = asked.progress
-    with asking(lambda share: progress(start + (end - start) * share), asked.what):
+    progress = found.progress
+    with asking(lambda share: progress(start + (end - start) * share), found.what):
         yield
     note(end)
 

@@ -19,12 +19,11 @@ from bench.report import Goal, Options, Report, Row, columns
 from bench.simulation import Costs, Machine, Run, Task, simulated
 from sheetsplat import api
 from sheetsplat.bricks.cluster import covering, each
-from sheetsplat.bricks.draw import draw_brick
+from sheetsplat.bricks.draw import draw_brick, render_brick
 from sheetsplat.bricks.lattice import LatticeSpec
 from sheetsplat.bricks.needs import field_of, may_show, planned, view_of
 from sheetsplat.bricks.partial import Partial, merge
 from sheetsplat.bricks.partition import MERGED, Grouped, grouped, partition_lattice
-from sheetsplat.bricks.tasks import render_brick
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.bricks.whole import Whole
 
@@ -149,13 +148,12 @@ def measured(field: Any, pixels: Sequence[int]) -> tuple[np.ndarray[Any, Any], n
     Views differ, as those of films do: kernels are sorted by tiles for each.
     """
     facts, seconds = [], []
-    renderer = ss.Renderer("cpu", threads=1)
     for size in pixels:
         views = [_view(field, size, turn) for turn in range(1 + _VIEWS)]
         shown = [number for number in views[0][1] if all(number in others for _, others in views)]
         chosen = shown[:: max(1, len(shown) // 6)]
         # The first view also reads the bricks.
-        times = np.array([[_seconds_of_brick(field, view, number, renderer) for number in chosen] for view, _ in views])
+        times = np.array([[_seconds_of_brick(field, view, number) for number in chosen] for view, _ in views])
         for number, least in zip(chosen, times[1:].min(axis=0).tolist(), strict=True):
             samples = float(np.mean([_samples(view, number) for view, _ in views[1:]]))
             facts.append((1.0, float(field_of(field.source, views[0][0], number).size), samples))
@@ -163,10 +161,10 @@ def measured(field: Any, pixels: Sequence[int]) -> tuple[np.ndarray[Any, Any], n
     return np.asarray(facts), np.asarray(seconds)
 
 
-def _seconds_of_brick(field: Any, view: BrickView, number: int, renderer: ss.Renderer) -> float:
+def _seconds_of_brick(field: Any, view: BrickView, number: int) -> float:
     """Return seconds of a core for a brick of a picture, as a task draws it."""
     began = time.thread_time()
-    draw_brick(view, number, field_of(field.source, view, number), renderer)
+    draw_brick(view, number, field_of(field.source, view, number))
     return time.thread_time() - began
 
 
@@ -194,7 +192,7 @@ def _merge_seconds() -> float:
     times = []
     for _ in range(5):
         began = time.process_time()
-        merge(*parts)
+        merge(None, *parts)
         times.append(time.process_time() - began)
     return min(times) / (len(parts) * side**2)
 
@@ -448,15 +446,13 @@ def _grid(bricks: int, size: tuple[int, int], stop: float) -> Graph:
     """Return the tasks of a cube of so many bricks along each axis, with an opacity stop."""
     lattice = LatticeSpec((bricks,) * 3, radius=1e-3)
     partition = partition_lattice(lattice, 1)
-    whole = Whole.of_lattice(lattice, (0.0, 1.0))
+    whole = Whole.of_lattice(lattice, (0.0, 1.0), ((0.0,) * 3, (bricks - 1.0,) * 3))
     look = ss.TransferFunction([(0, 0, 0, 0, 0), (1, 1, 1, 1, 0.02)])
     middle = 0.5 * (bricks - 1)
     direction = np.array((-0.5, -0.4, -1.0)) / np.linalg.norm((-0.5, -0.4, -1.0))
     eye = np.full(3, middle) - 2.0 * bricks * direction
     camera = ss.Camera.orthographic(tuple(eye), (middle,) * 3, height=1.5 * bricks)
-    view = BrickView.of(
-        partition, whole, look, {"slice_spacing": 1e-3, "opacity_stop": stop}, camera, size, lattice=lattice
-    )
+    view = BrickView.of(partition, whole, look, {"slice_spacing": 1e-3, "opacity_stop": stop}, camera, size)
     return Graph.of(view, [number for number in view.order() if view.footprint(number) is not None])
 
 

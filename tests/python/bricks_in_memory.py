@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 import sheetsplat as ss
-from sheetsplat.bricks.draw import renderer_of
 from sheetsplat.bricks.lattice import LatticeSpec
 from sheetsplat.bricks.light import light_of, planned_light
+from sheetsplat.bricks.needs import field_of
 from sheetsplat.bricks.partial import Finished
 from sheetsplat.bricks.partition import Partition, partition_lattice, partition_points
+from sheetsplat.bricks.tasks import Tasks
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.bricks.whole import Whole
 
@@ -57,6 +60,22 @@ def camera_of(field: ss.RegularField | ss.EllipsoidField, kind: str) -> ss.Camer
     return ss.Camera.fit(field, direction=(0.45, -0.35, -1.0), kind=kind)
 
 
+@dataclass(frozen=True, eq=False)
+class Fields:
+    """What makes the fields of bricks: a source of its own."""
+
+    make: Callable[[int], ss.RegularField | ss.EllipsoidField]
+
+    def __call__(self, number: int) -> ss.RegularField | ss.EllipsoidField:
+        """Return the field of a brick."""
+        return self.make(number)
+
+
+@field_of.register
+def _(source: Fields, view: BrickView, number: int) -> ss.RegularField | ss.EllipsoidField:
+    return source(number)
+
+
 class Bricked:
     """A field in memory that is drawn in bricks."""
 
@@ -69,20 +88,18 @@ class Bricked:
             self.whole = Whole.of_lattice(self.lattice, field.native.value_range, field.native.centres)
         else:
             self.partition = partition_points(np.asarray(field.centers), brick)
-            self.whole = Whole.of_kernels(field)
+            self.whole = Whole.of_bricks(field, (field.bounds,), float(field.scales.max()))
         self.asked: list[int] = []
 
     def view(self, camera: ss.Camera, outputs: tuple[str, ...] = (), settings: Any = None, **options: Any) -> BrickView:
         """Return the view of a picture."""
         look = ss.TransferFunction(LOOK)
-        return BrickView.of(
-            self.partition, self.whole, look, options, camera, SIZE, outputs, None, settings, self.lattice
-        )
+        return BrickView.of(self.partition, self.whole, look, options, camera, SIZE, outputs, None, settings)
 
-    def field_of(self, view: BrickView) -> Any:
+    def field_of(self, view: BrickView) -> Fields:
         """Return what makes the fields of bricks from the samples or kernels around them alone."""
 
-        def make(number: int) -> ss.RegularField | ss.EllipsoidField | None:
+        def make(number: int) -> ss.RegularField | ss.EllipsoidField:
             self.asked.append(number)
             if self.lattice is not None:
                 box = view.samples(number)
@@ -92,15 +109,19 @@ class Bricked:
             brick = self.partition.bricks[number]
             extents = np.abs(self.field.native.shapes(np.arange(self.field.size))) ** 2
             reached = brick.reached(np.asarray(self.field.centers), np.sqrt(extents.sum(axis=2)), view.margin(number))
-            return self.field.part(reached) if reached.any() else None
+            return self.field.part(reached)
 
-        return make
+        return Fields(make)
 
 
-def light_in_bricks(bricked: Bricked, view: BrickView) -> tuple[BrickView, Any]:
-    """Return a view with how its light volumes are made, and the volumes, of all bricks one by one."""
+def light_in_bricks(
+    bricked: Bricked, view: BrickView, fields: Fields | None = None, numbers: Sequence[int] | None = None
+) -> tuple[BrickView, Any]:
+    """Return a view with how its light volumes are made, and the volumes, of all bricks or some."""
     view = planned_light(view, bricked.field)
-    return view, light_of(view, range(len(view.partition)), bricked.field_of(view), renderer_of(view.settings))
+    tasks = Tasks(fields or bricked.field_of(view), view)
+    chosen = range(len(view.partition)) if numbers is None else numbers
+    return view, light_of(tasks, view, id(tasks), chosen)[0]
 
 
 def whole_picture(

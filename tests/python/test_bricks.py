@@ -11,8 +11,8 @@ import pytest
 from bricks_in_memory import (
     BOUND,
     LIT,
-    SIZE,
     Bricked,
+    Fields,
     camera_of,
     differences,
     field_named,
@@ -21,9 +21,9 @@ from bricks_in_memory import (
 )
 
 import sheetsplat as ss
-from sheetsplat.bricks.draw import agreed, draw_brick, render_bricks, way_of_drawing
+from sheetsplat.bricks.draw import draw_brick, render_bricks
 from sheetsplat.bricks.lattice import LatticeSpec
-from sheetsplat.bricks.partial import Finished, Partial, empty, finish, merge, stop_difference
+from sheetsplat.bricks.partial import Finished, Partial, finish, merge
 from sheetsplat.bricks.partition import partition_lattice, partition_points
 from sheetsplat.bricks.view import BrickView
 
@@ -85,6 +85,11 @@ SCENES: dict[str, tuple[str, Any, str, tuple[str, ...], dict[str, Any]]] = {
 }
 
 
+def drawn(bricked: Bricked, view: BrickView, field_of: Any = None) -> Finished:
+    """Return a picture in bricks, of fields of their own or those that a function makes."""
+    return render_bricks(view, bricked.field_of(view) if field_of is None else Fields(field_of))
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_bricks_are_the_picture_of_one_process(name: str) -> None:
     which, brick, kind, outputs, options = SCENES[name]
@@ -93,14 +98,8 @@ def test_bricks_are_the_picture_of_one_process(name: str) -> None:
     settings = {"backend": "cpu"}
     wanted, precision = whole_picture(field, camera, outputs, settings, **options)
     bricked = Bricked(field, brick)
-    view = bricked.view(camera, outputs, settings, **options)
-    field_of, renderer = bricked.field_of(view), ss.Renderer("cpu")
-    seen_by = [number for number in view.order() if view.footprint(number) is not None]
-    ways = [way_of_drawing(view, number, field_of(number), renderer) for number in seen_by]
-    if bricked.lattice is not None:
-        assert set(ways) == {("cpu", precision)}
-    assert agreed(view, ways).settings["precision"] == precision
-    found = render_bricks(view, field_of)
+    view = bricked.view(camera, outputs, {**settings, "precision": precision}, **options)
+    found = drawn(bricked, view)
     seen = differences(found, wanted)
     print(name, len(view.partition), precision, seen)
     assert seen.pop("depth", 0.0) < 1e-3 * view.options["slice_spacing"]
@@ -147,7 +146,7 @@ def test_any_number_of_bricks_in_any_view(which: str, count: int) -> None:
         cuts = {1: 64, 2: (64, 64, 15), 7: (64, 64, 4), 64: (5, 6, 7)}[count] if which != "needles" else count
         bricked = Bricked(field, cuts)
         view = bricked.view(camera, (), {"backend": "cpu", "precision": precision}, **options)
-        seen = differences(render_bricks(view, bricked.field_of(view)), wanted)
+        seen = differences(drawn(bricked, view), wanted)
         print(which, len(view.partition), kind, options.get("mode"), precision, seen)
         assert max(seen.values()) <= BOUND
 
@@ -160,7 +159,7 @@ def test_bricks_that_miss_something_are_seen(fault: str) -> None:
     wanted, _ = whole_picture(field, camera, (), {"backend": "cpu"}, **options)
     bricked = Bricked(field, brick)
     view = bricked.view(camera, (), {"backend": "cpu"}, **options)
-    field_of = bricked.field_of(view)
+    field_of: Any = None
     if fault == "margin":
         lattice = view.lattice
         assert lattice is not None
@@ -177,13 +176,13 @@ def test_bricks_that_miss_something_are_seen(fault: str) -> None:
     else:
         tree: Any = view.partition.tree
         view = view.replace(partition=replace(view.partition, tree=replace(tree, below=tree.above, above=tree.below)))
-    off = max(differences(render_bricks(view, field_of), wanted).values())
+    off = max(differences(drawn(bricked, view, field_of), wanted).values())
     print(fault, off)
     assert off > 10 * BOUND
 
 
-def parts_alone(name: str, **changes: Any) -> tuple[BrickView, dict[int, Partial], Any, Finished]:
-    """Return a scene's view, its bricks drawn alone, what makes their fields, and the picture of one process."""
+def parts_alone(name: str, **changes: Any) -> tuple[BrickView, dict[int, Partial], Finished]:
+    """Return a scene's view, its bricks drawn alone, and the picture of one process."""
     which, brick, kind, outputs, options = SCENES[name]
     options = {**options, **changes}
     field = field_named(which)
@@ -191,25 +190,25 @@ def parts_alone(name: str, **changes: Any) -> tuple[BrickView, dict[int, Partial
     settings = {"backend": "cpu"}
     bricked = Bricked(field, brick)
     view = bricked.view(camera, outputs, settings, **options)
-    field_of, renderer = bricked.field_of(view), ss.Renderer(**view.settings)
-    parts = {number: draw_brick(view, number, field_of(number), renderer) for number in view.order()}
-    return view, parts, field_of, whole_picture(field, camera, outputs, settings, **options)[0]
+    field_of = bricked.field_of(view)
+    parts = {number: draw_brick(view, number, field_of(number)) for number in view.order()}
+    return view, parts, whole_picture(field, camera, outputs, settings, **options)[0]
 
 
 def merged(nested: Any, parts: dict[int, Partial]) -> Partial:
     """Return parts merged in pairs of pairs."""
-    return parts[nested] if isinstance(nested, int) else merge(merged(nested[0], parts), merged(nested[1], parts))
+    return parts[nested] if isinstance(nested, int) else merge(None, merged(nested[0], parts), merged(nested[1], parts))
 
 
 @pytest.mark.parametrize("name", ["lit in perspective", "surfaces", "xray", "mip", "minimum", "average"])
 def test_parts_that_are_drawn_alone_merge_in_any_tree(name: str) -> None:
-    view, parts, _, wanted = parts_alone(name, **({} if "lit" not in name else {"opacity_stop": 1.0}))
+    view, parts, wanted = parts_alone(name, **({} if "lit" not in name else {"opacity_stop": 1.0}))
     tree = merged(view.nested(), parts)
     random = np.random.default_rng(8)
     row = [parts[number] for number in view.order()]
     while len(row) > 1:
         at = int(random.integers(len(row) - 1))
-        row[at : at + 2] = [merge(row[at], row[at + 1])]
+        row[at : at + 2] = [merge(None, row[at], row[at + 1])]
     first, second = finish(view, tree), finish(view, row[0])
     one = first.scalar if wanted.scalar is not None else first.rgba
     other = second.scalar if wanted.scalar is not None else second.rgba
@@ -224,48 +223,18 @@ def test_parts_that_are_drawn_alone_merge_in_any_tree(name: str) -> None:
     assert max(seen.values()) <= BOUND
 
 
-@pytest.mark.parametrize("name", ["lit", "lit in perspective", "intervals", "surfaces"])
-def test_bricks_that_stop_pixels_are_drawn_again(name: str) -> None:
-    view, parts, field_of, wanted = parts_alone(name)
-    tree = merged(view.nested(), parts)
-    found = finish(view, tree)
-    assert found.rgba is not None and wanted.rgba is not None
-    off = float(np.sqrt(np.mean((found.rgba.astype(float) - wanted.rgba) ** 2)))
-    stated = stop_difference(view, tree)
-    print(name, "without stop", off, "stated", stated)
-    assert off <= stated + BOUND
-
-    renderer = ss.Renderer(**view.settings)
-    in_front = np.zeros((SIZE[1], SIZE[0]), np.float32)
-    so_far, again = empty(view), 0
-    for number in view.order():
-        x0, y0, x1, y1 = parts[number].rect
-        part = parts[number].behind(in_front[y0:y1, x0:x1], view.opacity_stop)
-        if part is None:
-            again += 1
-            part = draw_brick(view, number, field_of(number), renderer, in_front[y0:y1, x0:x1])
-        so_far = merge(so_far, part)
-        in_front[y0:y1, x0:x1] = part.opacity(part.rect)
-    exact = finish(view, so_far)
-    seen = differences(exact, wanted)
-    print(name, f"{again} of {len(parts)} drawn again", seen)
-    assert 0 < again < len(parts)
-    assert seen.pop("depth", 0.0) < 1e-3 * view.options["slice_spacing"]
-    assert max(seen.values()) <= BOUND
-
-
 def test_hidden_and_unseen_bricks_are_not_asked_for() -> None:
     field = field_named("cartesian")
     bricked = Bricked(field, 7)
     camera = camera_of(field, "orthographic")
     opaque = {"mode": "isosurface", "iso_value": 0.1}
     view = bricked.view(camera, (), {"backend": "cpu"}, **opaque)
-    render_bricks(view, bricked.field_of(view), ss.Renderer("cpu"))
+    drawn(bricked, view)
     assert len(set(bricked.asked)) == len(bricked.asked) < len(view.partition)
     away = ss.Camera.orthographic((200, 0, 100), (200, 0, 0), height=20.0)
     bricked.asked.clear()
     view = bricked.view(away, (), {"backend": "cpu"}, **opaque)
-    assert not render_bricks(view, bricked.field_of(view)).rgba.any()
+    assert not drawn(bricked, view).rgba.any()
     assert bricked.asked == []
 
 
@@ -274,10 +243,10 @@ def test_outlines_hold_all_that_bricks_change(kind: str) -> None:
     field = field_named("cartesian")
     bricked = Bricked(field, 11)
     view = bricked.view(camera_of(field, kind), ("coverage",), {"backend": "cpu"}, mode="xray")
-    field_of, renderer = bricked.field_of(view), ss.Renderer("cpu")
+    field_of = bricked.field_of(view)
     left = 0
     for number in view.order():
-        part, outline = draw_brick(view, number, field_of(number), renderer), view.outline(number)
+        part, outline = draw_brick(view, number, field_of(number)), view.outline(number)
         assert part.coverage is not None
         assert part.coverage.shape == outline.shape or not outline.size
         assert not part.coverage[~outline].any()
@@ -313,7 +282,8 @@ def test_cells_fill_space_and_follow_one_another() -> None:
     points = random.uniform(-20, 80, (500, 3))
     # Some lie on faces.
     points[:200, 0] = [brick.cell[0][0] if np.isfinite(brick.cell[0][0]) else 1.0 for brick in partition.bricks][3]
-    inside = np.array([brick.holds(points) for brick in partition.bricks])
+    cells = np.asarray([brick.cell for brick in partition.bricks])[:, :, None]
+    inside = ((points >= cells[:, 0]) & (points < cells[:, 1])).all(axis=2)
     assert (inside.sum(axis=0) == 1).all()
     assert (inside.argmax(axis=0) == partition.brick_of(points)).all()
     for kind in ("orthographic", "perspective"):
@@ -362,12 +332,12 @@ def test_other_backends_draw_bricks(backend: str, name: str) -> None:
     camera = camera_of(field, kind)
     settings = {"backend": backend}
     try:
-        wanted, _ = whole_picture(field, camera, outputs, settings, **options)
+        wanted, precision = whole_picture(field, camera, outputs, settings, **options)
     except ss.DeviceUnavailable as error:
         pytest.skip(str(error))
     bricked = Bricked(field, 15)
-    view = bricked.view(camera, outputs, settings, **options)
-    found = render_bricks(view, bricked.field_of(view))
+    view = bricked.view(camera, outputs, {**settings, "precision": precision}, **options)
+    found = drawn(bricked, view)
     seen = differences(found, wanted)
     print(backend, name, len(view.partition), seen)
     assert seen.pop("depth", 0.0) < 1e-3 * view.options["slice_spacing"]

@@ -9,7 +9,7 @@ import pytest
 
 import sheetsplat as ss
 from sheetsplat import api
-from sheetsplat.bricks import kernel_pieces, kernel_survey
+from sheetsplat.bricks import kernel_pieces, opening_kernels
 from sheetsplat.bricks.kernel_pieces import pieces_of
 from sheetsplat.bricks.resident import residents
 
@@ -146,7 +146,7 @@ def test_all_kernels_of_a_table_are_there(kind, tmp_path, monkeypatch):
     assert bricked.value_range == field.value_range
     # Cells fill space: a kernel is the own one of one brick.
     segments = bricked.source.segments
-    assert (segments.last - segments.first).sum() == field.size
+    assert (segments["last"] - segments["first"]).sum() == field.size
 
 
 def test_snapshots_of_several_files_are_one(tmp_path):
@@ -160,7 +160,7 @@ def test_snapshots_of_several_files_are_one(tmp_path):
 
 @pytest.mark.slow
 def test_a_sample_stands_for_many_kernels(monkeypatch):
-    monkeypatch.setattr(kernel_survey, "_SAMPLE", 2000)
+    monkeypatch.setattr(opening_kernels, "_SAMPLE", 2000)
     random = np.random.default_rng(3)
     count = 8000
     field = ss.EllipsoidField(random.uniform(-1, 1, (count, 3)), np.full(count, 0.25), values=random.random(count))

@@ -13,8 +13,8 @@ from bricks_in_memory import BOUND, LIT, Bricked, camera_of, differences, field_
 
 import sheetsplat as ss
 from sheetsplat.bricks import light_error
-from sheetsplat.bricks.draw import render_bricks, renderer_of
-from sheetsplat.bricks.light import light_of, merged_pieces, pieces_of, planned_light
+from sheetsplat.bricks.draw import render_bricks
+from sheetsplat.bricks.light import merged_pieces, pieces_of, planned_light
 from sheetsplat.bricks.resident import residents
 
 # LIT has a light of the camera and one of the world.
@@ -53,7 +53,7 @@ SCENES: dict[str, tuple[str, Any, str, dict[str, Any]]] = {
 def drawn(bricked: Bricked, camera: ss.Camera, settings: dict[str, Any], **options: Any) -> Any:
     """Return a picture in bricks, and its view."""
     view, light = light_in_bricks(bricked, bricked.view(camera, (), settings, **options))
-    return render_bricks(view, bricked.field_of(view), renderer_of(view.settings), None, light), view
+    return render_bricks(view, bricked.field_of(view), light), view
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -100,12 +100,11 @@ def test_light_that_misses_a_brick_is_seen() -> None:
     camera = camera_of(field, kind)
     wanted, _ = whole_picture(field, camera, (), {"backend": "cpu"}, **options)
     bricked = Bricked(field, brick)
-    view = planned_light(bricked.view(camera, (), {"backend": "cpu"}, **options), field)
-    field_of, renderer = bricked.field_of(view), renderer_of(view.settings)
+    view = bricked.view(camera, (), {"backend": "cpu"}, **options)
     middle = int(bricked.partition.brick_of(np.mean(np.asarray(field.bounds), axis=0)[None])[0])
     numbers = [number for number in range(len(view.partition)) if number != middle]
-    light = light_of(view, numbers, field_of, renderer)
-    off = differences(render_bricks(view, field_of, renderer, None, light), wanted)["rgba"]
+    view, light = light_in_bricks(bricked, view, None, numbers)
+    off = differences(render_bricks(view, bricked.field_of(view), light), wanted)["rgba"]
     print(off)
     assert off > 10 * BOUND
 
@@ -118,11 +117,10 @@ def test_pieces_of_bricks_fill_the_grid(name: str) -> None:
     camera = camera_of(field, kind)
     view = planned_light(bricked.view(camera, (), {"backend": "cpu"}, **options), field)
     alone = planned_light(whole.view(camera, (), {"backend": "cpu"}, **options), field)
-    renderer = renderer_of(view.settings)
-    parts = [pieces_of(view, n, bricked.field_of(view)(n), renderer) for n in range(len(view.partition))]
+    parts = [pieces_of(view, bricked.field_of(view), n) for n in range(len(view.partition))]
     # In any order: elements of no more than two bricks have a part in each.
-    joined = merged_pieces((merged_pieces(parts[3:]), merged_pieces(parts[:3])))
-    (wanted,) = [pieces_of(alone, 0, whole.field_of(alone)(0), renderer)]
+    joined = merged_pieces(view, merged_pieces(view, *parts[3:]), merged_pieces(view, *parts[:3]))
+    wanted = pieces_of(alone, whole.field_of(alone), 0)
     assert joined.keys() == wanted.keys() and wanted
     for grid, piece in wanted.items():
         found, all_of_it = (np.zeros(view.light.shapes[grid], np.float32) for _ in range(2))
@@ -138,11 +136,11 @@ def test_light_travels_between_processes() -> None:
     view, light = light_in_bricks(bricked, bricked.view(camera_of(field, kind), (), {"backend": "cpu"}, **options))
     again, other = pickle.loads(pickle.dumps((view, light)))
     assert other.nbytes == light.nbytes > 0 and pickle.dumps(again.light) == pickle.dumps(view.light)
-    field_of, renderer = bricked.field_of(view), renderer_of(view.settings)
-    pictures = [render_bricks(view, field_of, renderer, None, one).rgba for one in (light, other)]
+    source = bricked.field_of(view)
+    pictures = [render_bricks(view, source, one).rgba for one in (light, other)]
     np.testing.assert_array_equal(*pictures)
     with pytest.raises(ss.Unsupported, match="no light volumes of the whole"):
-        render_bricks(view, field_of, renderer)
+        render_bricks(view, source)
 
 
 LOOKS: tuple[dict[str, Any], ...] = (

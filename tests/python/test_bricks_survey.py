@@ -25,12 +25,13 @@ def surveyed(samples, edges, lattice="cartesian"):
     parts = []
     for number, core in enumerate(cores):
         outer = plan.margin(core)
-        parts.append(survey_brick(source.read(outer), outer, core, number, plan, "it"))
+        parts.append((survey_brick(source.read(outer), outer, core, number, plan, "it"),))
     from sheetsplat.bricks.statistics import Survey
 
-    one_by_one = merge_surveys(parts)
-    in_a_tree = merge_surveys([merge_surveys(parts[:1]), merge_surveys(parts[1:] or parts[:1])])
-    assert one_by_one.ranges == in_a_tree.ranges
+    one_by_one = merge_surveys(None, *parts)
+    halves = parts[:1], parts[1:]
+    in_a_tree = merge_surveys(None, *(merge_surveys(None, *half) for half in halves))
+    assert one_by_one == in_a_tree
     return Survey.of(source, one_by_one, cores, plan)
 
 

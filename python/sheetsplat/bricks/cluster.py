@@ -19,51 +19,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat._waiting import asking, begun, note, wait
-from sheetsplat.bricks.kernel_pieces import Pieces
-from sheetsplat.bricks.kernel_source import Columns, Segments, Store
-from sheetsplat.bricks.kernel_survey import KernelSurvey
-from sheetsplat.bricks.levels import LevelStore
-from sheetsplat.bricks.light import light_key, planned_light
-from sheetsplat.bricks.light_error import Probes
-from sheetsplat.bricks.needs import may_dim, may_show, source_key
-from sheetsplat.bricks.partial import Finished, empty, finish
+from sheetsplat._waiting import asking, begun, counted, note, wait
+from sheetsplat.bricks.draw import render_brick
+from sheetsplat.bricks.light import light_of, planned_light
+from sheetsplat.bricks.light_error import measured_light
+from sheetsplat.bricks.needs import dimming_bricks, shown_bricks, source_key
+from sheetsplat.bricks.partial import Finished, Partial, empty, finish, merge
 from sheetsplat.bricks.partition import MERGED, Grouped, Partition, grouped
-from sheetsplat.bricks.probe import Probing
-from sheetsplat.bricks.sources import BrickSource
-from sheetsplat.bricks.statistics import BrickSurvey, SurveyPlan
-from sheetsplat.bricks.tasks import (
-    choose_spots,
-    coarsen_one,
-    counts_of,
-    finish_picture,
-    let_go_of_all,
-    light_brick,
-    light_lines,
-    light_spots,
-    make_light,
-    measure_light,
-    merge_brick_surveys,
-    merge_light,
-    merge_lines,
-    merge_parts,
-    merge_piece_surveys,
-    merge_segments,
-    merge_spots,
-    merge_values,
-    nothing,
-    probe_brick,
-    render_brick,
-    same,
-    sort_piece,
-    survey_brick,
-    survey_piece,
-)
-from sheetsplat.bricks.view import BrickView
+from sheetsplat.bricks.sources import box_text
+from sheetsplat.bricks.tasks import Made, Tasks, let_go_of_all, nothing, on_brick, on_results, same
+from sheetsplat.bricks.view import BrickView, figures
 from sheetsplat.bricks.watch import Watch, connected
 from sheetsplat.bricks.workers import Workers, memory_limit, workers_of
 from sheetsplat.errors import Error, OutOfMemory, complain
-from sheetsplat.fields import BrickedField, BrickedKernels
+from sheetsplat.fields import Bricked, BrickedKernels
 from sheetsplat.options.renderer import Progress
 
 # How many workers may be lost in one picture.
@@ -79,7 +48,7 @@ _BORDERS = 1.8
 _KERNEL_BYTES = 112
 
 
-def frames_side_by_side(client: Any, field: BrickedField | BrickedKernels) -> int:
+def frames_side_by_side(client: Any, field: Bricked) -> int:
     """Return how many pictures of a film are best drawn side by side, each by one worker; 0: all draw each picture.
 
     Workers that can keep all of the data need not wait for each other.
@@ -99,7 +68,7 @@ def frames_side_by_side(client: Any, field: BrickedField | BrickedKernels) -> in
     return len(limits) if limits and min(limits) * _ALL_OF_IT >= _kept_bytes(field) else 0
 
 
-def _kept_bytes(field: BrickedField | BrickedKernels) -> float:
+def _kept_bytes(field: Bricked) -> float:
     """Return about how much memory all bricks take, with their borders."""
     if isinstance(field, BrickedKernels):
         return _BORDERS * _KERNEL_BYTES * field.kernels
@@ -253,7 +222,7 @@ class _Stalled:
             )
 
 
-class _Tasks:
+class _Tasks(Tasks):
     """The tasks of one run, by readable names: a graph that is submitted in one message.
 
     Parameters
@@ -264,17 +233,26 @@ class _Tasks:
         What the tasks read.
     shared
         What else all of them take. It is sent once, and is one object for all tasks of a worker.
+    partition
+        The bricks, for messages; None: pieces.
+    doing
+        What is done with them, for messages.
     """
 
-    def __init__(self, client: Any, cluster: Workers, source: Any, shared: Any) -> None:
-        self._client, self._cluster, self._source = client, cluster, source
+    def __init__(
+        self, client: Any, cluster: Workers, source: Any, shared: Any, partition: Partition | None, doing: str = "drawn"
+    ) -> None:
+        self._client, self._cluster = client, cluster
         self._run, self._names = uuid.uuid4().hex, itertools.count()
-        self._sent = cluster.sent(client, source)
+        self._place, self._partition, self._doing = partial(cluster.place, source), partition, doing
         # By the worker that they are asked of; None: any.
         self._tasks: dict[str | None, dict[str, tuple[Any, ...]]] = {}
         self._keys: list[str] = []
+        # Results that outlive this run, by what they depend on.
+        self._to_keep: dict[bytes, str] = {}
+        self._of = source
         # As a task, whose result is made again where a worker takes it along.
-        self._shared = self._add(None, f"plan-{self._run}", partial(same, shared))
+        super().__init__(cluster.sent(client, source), self._add(None, f"plan-{self._run}", partial(same, shared)))
 
     def _add(self, worker: str | None, key: str, function: Callable[..., Any], *given: Any) -> str:
         self._tasks.setdefault(worker, {})[key] = (function, *given)
@@ -282,23 +260,35 @@ class _Tasks:
         return key
 
     def place(self, name: str, function: Callable[..., Any], number: int, *more: Any) -> str:
-        """Add ``function(shared, source, number, *more)``, for the worker that a brick or a piece is asked of.
-
-        Tasks are named by the key that is returned, and take what those have made whose keys they are given.
-        """
-        worker = self._cluster.place(self._source, number)
-        return self._add(worker, f"{name}-{self._run}-{number}", function, self._shared, self._sent, number, *more)
+        """Add a task for the worker that a brick or a piece is asked of; return its key."""
+        what = f"piece {number} of {self._of.name}"
+        if self._partition is not None:
+            core = self._partition.bricks[number].samples
+            what = f"brick {number} {'' if core is None else box_text(core) + ' '}of {self._of.name}"
+        do = partial(on_brick, what, self._doing, function)
+        return self._add(
+            self._place(number), f"{name}-{self._run}-{number}", do, self._shared, self._source, number, *more
+        )
 
     def anywhere(self, name: str, function: Callable[..., Any], *more: Any) -> str:
-        """Add ``function(shared, *more)``, for any worker."""
-        return self._add(None, f"{name}-{self._run}-{next(self._names)}", function, self._shared, *more)
+        """Add a task for any worker; return its key."""
+        do = partial(on_results, name, function)
+        return self._add(None, f"{name}-{self._run}-{next(self._names)}", do, self._shared, *more)
 
-    def merged(self, name: str, function: Callable[..., Any], tasks: Sequence[str], left: int = 1) -> list[str]:
+    def merged(self, name: str, function: Callable[..., Any], tasks: Sequence[Any], left: int = 1) -> list[Any]:
         """Add merges of results in their order, a few at a time; return the last ones, so many at most."""
         level = list(tasks)
         while len(level) > left:
             level = [self.anywhere(name, function, *level[at : at + MERGED]) for at in range(0, len(level), MERGED)]
         return level
+
+    def kept(self, key: bytes, make: Callable[[], Any]) -> tuple[Any, bool]:
+        """Return what an earlier picture made, or the key of what makes it: it outlives this one."""
+        found = self._cluster.kept(key, self._of)
+        if found is not None:
+            return found, False
+        self._to_keep[key] = make()
+        return self._to_keep[key], True
 
     def submit(self) -> dict[str, Any]:
         """Submit all tasks; return their futures by their keys, in the order in which they were added."""
@@ -314,114 +304,54 @@ class _Tasks:
         }
         graph = HighLevelGraph(layers, {name: set() for name in layers})
         # All of them are wanted, for progress tells how many are done; what is not needed any more is let go later.
-        return dict(zip(self._keys, self._client.get(graph, self._keys, sync=False), strict=True))
+        futures = dict(zip(self._keys, self._client.get(graph, self._keys, sync=False), strict=True))
+        for key, task in self._to_keep.items():
+            self._cluster.keep(key, futures.pop(task), self._of)
+        return futures
 
 
 def each(
-    client: Any, source: Any, shared: Any, count: int, task: tuple[str, Callable[..., Any]],
-    merge: tuple[str, Callable[..., Any]],
+    client: Any, source: Any, shared: Any, numbers: Mapping[int, tuple[Any, ...]] | int,
+    task: tuple[str, Callable[..., Any]], merge: tuple[str, Callable[..., Any]],
+    partition: Partition | None = None, doing: str = "read",
 ) -> Any:  # fmt: skip
-    """Return what a task says of each brick or piece, merged."""
+    """Return what a task says of each brick or piece, merged in their order.
 
-    def submit(cluster: Workers) -> dict[str, Any]:
-        tasks = _Tasks(client, cluster, source, shared)
-        tasks.merged(*merge, [tasks.place(*task, number) for number in range(count)])
-        return tasks.submit()
-
-    return Pending(client, source.name, submit, lambda one: one).result()
-
-
-def survey(client: Any, source: BrickSource, partition: Partition, plan: SurveyPlan) -> BrickSurvey:
-    """Return what is known of all samples: each brick is read by the worker that will draw it.
+    Parameters
+    ----------
+    client
+        Its workers do it, each brick where it will be drawn; None: this process.
+    source, shared
+        As for `Tasks`.
+    numbers
+        What the task takes for each brick or piece; or how many there are.
+    task, merge
+        Names and functions, as for `Tasks.place` and `Tasks.merged`.
+    partition, doing
+        The bricks, None: pieces; and what is done, for messages.
 
     Raises
     ------
+    Cancelled
+        Where the callback that is asked returned False.
     Error
         What reading raises, with worker, brick and file; and where the workers cannot be used.
     """
-    task, merge = ("survey-brick", survey_brick), ("merge-surveys", merge_brick_surveys)
-    found: BrickSurvey = each(client, source, (partition, plan), len(partition), task, merge)
-    return found
-
-
-def coarsen(client: Any, source: BrickSource, partition: Partition, store: LevelStore, count: int) -> None:
-    """Make the levels of all bricks, each where it will be drawn; raises what `survey` does."""
-    task, merge = ("coarsen-brick", coarsen_one), ("merge-levels", nothing)
-    each(client, source, (partition, store, count), len(partition), task, merge)
-
-
-def survey_kernels(client: Any, pieces: Pieces, stride: int) -> KernelSurvey:
-    """Return what is known of all kernels; raises what `survey` does."""
-    task, merge = ("survey-kernels", survey_piece), ("merge-surveys", merge_piece_surveys)
-    found: KernelSurvey = each(client, pieces, (stride, pieces.name), len(pieces.counts), task, merge)
-    return found
-
-
-def sort_kernels(
-    client: Any, pieces: Pieces, columns: Columns, partition: Partition, rows: int, store: Store
-) -> Segments:
-    """Sort all pieces into bricks; raises what `survey` does."""
-    task, merge = ("sort-kernels", sort_piece), ("merge-segments", merge_segments)
-    shared = (columns, partition, rows, store)
-    found: Segments = each(client, pieces, shared, len(pieces.counts), task, merge)
-    return found
-
-
-def probe(
-    client: Any, source: BrickSource, probing: Probing, jobs: Mapping[int, NDArray[np.float64]]
-) -> dict[int, tuple[NDArray[np.float64], NDArray[np.int64]]]:
-    """Return what `Probing.sums` says of the points in each of some bricks; raises what `survey` does."""
+    jobs = dict.fromkeys(range(numbers), ()) if isinstance(numbers, int) else numbers
+    if client is None:
+        here = Tasks(source, shared)
+        every = zip(counted(len(jobs)), jobs.items(), strict=True)
+        return here.merged(*merge, [here.place(*task, number, *more) for _, (number, more) in every])[0]
 
     def submit(cluster: Workers) -> dict[str, Any]:
-        tasks = _Tasks(client, cluster, source, probing)
-        asked = [tasks.place("probe-brick", probe_brick, number, places) for number, places in jobs.items()]
-        tasks.merged("merge-values", merge_values, asked)
+        tasks = _Tasks(client, cluster, source, shared, partition, doing)
+        tasks.merged(*merge, [tasks.place(*task, number, *more) for number, more in jobs.items()])
         return tasks.submit()
 
-    found: dict[int, tuple[NDArray[np.float64], NDArray[np.int64]]]
-    found = Pending(client, source.name, submit, lambda one: one).result()
-    return found
+    return Pending(client, source.name, submit, lambda one: one.value).result()
 
 
-class _Light:
-    """The light volumes of a picture: those of the last one, or tasks that make them.
-
-    Attributes
-    ----------
-    light
-        What tasks take.
-    made
-        The task that makes them; None: there are.
-    count
-        How many bricks are asked for it.
-    """
-
-    def __init__(
-        self,
-        tasks: _Tasks,
-        cluster: Workers,
-        view: BrickView,
-        field: BrickedField | BrickedKernels,
-        dimming: Sequence[int],
-    ) -> None:
-        self._cluster, self._source = cluster, field.source
-        self._key = light_key(view, source_key(field))
-        self.light: Any = cluster.kept(self._key)
-        self.made: str | None = None
-        self.count = 0
-        if self.light is None:
-            self.count = len(dimming)
-            pieces = [tasks.place("light-brick", light_brick, number) for number in dimming]
-            merged = tasks.merged("merge-light", merge_light, pieces, MERGED)
-            self.light = self.made = tasks.anywhere("make-light", make_light, *merged)
-
-    def keep(self, futures: dict[str, Any]) -> None:
-        """Keep what was made for further pictures: it outlives this one, whose futures do not have it any more."""
-        if self.made is not None:
-            self._cluster.keep(self._key, futures.pop(self.made), self._source)
-
-
-def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) -> Pending:
+def begin(client: Any, field: Bricked, view: BrickView) -> Pending:
     """Let the workers of a client begin a picture. Its result is a `Finished` picture, and figures.
 
     Raises
@@ -433,87 +363,56 @@ def begin(client: Any, field: BrickedField | BrickedKernels, view: BrickView) ->
     """
     source: Any = field.source
     view = planned_light(view, field)
-    shown = [number for number in view.order() if may_show(field, view, number)]
-    dimming = [] if view.light is None else [n for n in range(len(view.partition)) if may_dim(field, view, n)]
+    shown, dimming = shown_bricks(field, view), dimming_bricks(field, view)
     behind = {} if view.any_order else covering(view, shown)
     tree = grouped(view.nested(), shown)
     of_light = 0
 
     def submit(cluster: Workers) -> dict[str, Any]:
         nonlocal of_light
-        tasks = _Tasks(client, cluster, source, view)
+        tasks = _Tasks(client, cluster, source, view, view.partition)
         if tree is None:
-            tasks.anywhere("merge", _blank)
+            tasks.anywhere("merge", _finished, None)
             return tasks.submit()
-        lit = None if view.light is None else _Light(tasks, cluster, view, field, dimming)
-        reads = light = None
-        if lit is not None:
-            light, of_light = lit.light, lit.count
-            reads = None if lit.made is None else tasks.anywhere("count-light", counts_of, light)
+        light, of_light = light_of(tasks, view, source_key(field), dimming)
+        # Not light itself, which would be sent.
+        reads = tasks.anywhere("count-light", nothing, light) if of_light else None
         drawn: dict[int, str] = {}
         for number in shown:
             before = (drawn[one] for one in behind.get(number, ()))
             drawn[number] = tasks.place("render-brick", render_brick, number, light, *before)
 
         def merged(group: Grouped) -> str:
-            return drawn[group] if isinstance(group, int) else tasks.anywhere("merge", merge_parts, *map(merged, group))
+            return drawn[group] if isinstance(group, int) else tasks.anywhere("merge", merge, *map(merged, group))
 
         last = [drawn[tree]] if isinstance(tree, int) else map(merged, tree)
-        tasks.anywhere("merge", finish_picture, reads, *last)
-        futures = tasks.submit()
-        if lit is not None:
-            lit.keep(futures)
-        return futures
+        tasks.anywhere("merge", _finished, reads, *last)
+        return tasks.submit()
 
-    def convert(found: tuple[Finished, tuple[int, ...]]) -> tuple[Finished, dict[str, float]]:
-        finished, (reads, count, done, coarse) = found
-        return finished, {
-            "bricks": float(len(view.partition)),
-            "workers": float(len(workers_of(client).workers)),
-            "bricks_drawn": float(done),
-            "bricks_coarse": float(coarse),
-            "bricks_read": float(reads),
-            "bytes_read": float(count),
-            "bricks_of_light": float(of_light),
-        }
+    def convert(found: Made) -> tuple[Finished, dict[str, float]]:
+        workers = {"workers": float(len(workers_of(client).workers))}
+        return found.value, workers | figures(view, found.counts, of_light)
 
     return Pending(client, source.name, submit, convert)
 
 
-def begin_measure(
-    client: Any, field: BrickedField | BrickedKernels, view: BrickView, opacity: NDArray[np.float32]
-) -> Pending:
+def begin_measure(client: Any, field: Bricked, view: BrickView, opacity: NDArray[np.float32]) -> Pending:
     """Let the workers measure light in a picture with some opacities; the result is that of `Measure`.
 
     Raises what `begin` does.
     """
     view = planned_light(view, field)
-    shown = [number for number in view.order() if may_show(field, view, number)]
-    dimming = [number for number in range(len(view.partition)) if may_dim(field, view, number)]
-    probes = Probes.of(view, opacity)
 
     def submit(cluster: Workers) -> dict[str, Any]:
-        # Light is made from the view alone.
-        before = _Tasks(client, cluster, field.source, view)
-        lit = _Light(before, cluster, view, field, dimming)
-        made = before.submit()
-        lit.keep(made)
-        light = lit.light if lit.made is None else cluster.kept(light_key(view, source_key(field)))
-        tasks = _Tasks(client, cluster, field.source, (view, probes))
-        spots = [tasks.place("light-spots", light_spots, number, light) for number in shown]
-        chosen = tasks.anywhere("choose-spots", choose_spots, *tasks.merged("merge-spots", merge_spots, spots, MERGED))
-        lines = [
-            tasks.place("light-lines", light_lines, number, light, chosen) for number in sorted({*shown, *dimming})
-        ]
-        merged = tasks.merged("merge-lines", merge_lines, lines, MERGED)
-        tasks.anywhere("measure-light", measure_light, chosen, *merged)
-        return made | tasks.submit()
+        tasks = _Tasks(client, cluster, field.source, view, view.partition)
+        measured_light(tasks, view, field, opacity)
+        return tasks.submit()
 
-    return Pending(client, field.source.name, submit, lambda one: one)
+    return Pending(client, field.source.name, submit, lambda one: one.value)
 
 
-def _blank(view: BrickView) -> tuple[Finished, tuple[int, ...]]:
-    return finish(view, empty(view)), (0, 0, 0, 0)
+def _finished(view: BrickView, _: None, *parts: Partial) -> Finished:
+    return finish(view, merge(view, *parts) if parts else empty(view))
 
 
 def covering(view: BrickView, numbers: Sequence[int]) -> dict[int, list[int]]:

@@ -2,44 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
-from functools import lru_cache
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetsplat._waiting import asked
+from sheetsplat._waiting import part as part_of
+from sheetsplat.bricks.needs import field_of
 from sheetsplat.bricks.partial import Finished, Partial, empty, finish, merge
 from sheetsplat.bricks.partition import Grouped, grouped
+from sheetsplat.bricks.resident import renderer_of, residents
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.fields import Field
-from sheetsplat.options.renderer import OUTPUTS, Progress
-from sheetsplat.renderer import Renderer
+from sheetsplat.options.renderer import OUTPUTS
 from sheetsplat.scene import Scene
-
-#: What makes the field of a brick: for lattices that of `BrickView.samples`, of scattered kernels those that
-#: `Brick.reached` names. None: nothing of it can show.
-FieldOf = Callable[[int], Field | None]
-
-
-@lru_cache(maxsize=8)
-def _renderer(settings: tuple[tuple[str, Any], ...], _: str) -> Renderer:
-    plain: dict[str, Any] = {name: dict(value) if name == "effects" else value for name, value in settings}
-    return Renderer(**plain)
-
-
-def renderer_of(settings: Mapping[str, Any], of: str = "bricks") -> Renderer:
-    """Return the renderer of this process with some settings, which keeps what it found of bricks, or of wholes."""
-    pairs = tuple(
-        (name, tuple(sorted(value.items())) if isinstance(value, Mapping) else value)
-        for name, value in settings.items()
-    )
-    return _renderer(pairs, of)
-
-
-def forget_renderers() -> None:
-    """Forget the renderers of this process, and what they found; tasks that draw keep theirs to their end."""
-    _renderer.cache_clear()
+from sheetsplat.tiles import window
 
 
 def native_part(
@@ -56,51 +35,11 @@ def native_part(
     if in_front is None:
         options["opacity_stop"] = 1.0
     native = Scene.of_checked([((field,), view.transfer_function)], options).native
-    return native.with_part(
-        cell=view.cell(number),
-        centres=view.whole.centres,
-        depths=depths,
-        in_front=in_front,
-        domain=view.whole.domain,
-        filled=view.whole.is_filled,
-        light=light,
-    )
-
-
-def _also(view: BrickView) -> dict[str, bool]:
-    return {name: name in view.outputs for name in OUTPUTS}
-
-
-def way_of_drawing(view: BrickView, number: int, field: Field, renderer: Renderer) -> tuple[str, str]:
-    """Return the backend and the precision that one brick calls for.
-
-    Any brick of a lattice says what the whole calls for. Of scattered kernels each looks at its own: the whole needs
-    float64 where one of them does (`agreed`).
-    """
-    scene = native_part(view, number, field, view.depths())
-    if view.depth_limit is not None:
-        scene = scene.with_depth_limit(view.depth_limit)
-    plan = renderer.native.plan(scene=scene, camera=view.camera.native, size=view.size, **_also(view))
-    return plan.backend, plan.precision
-
-
-def agreed(view: BrickView, ways: Iterable[tuple[str, str]]) -> BrickView:
-    """Return the view with one backend and precision for all bricks, from what `way_of_drawing` says of them."""
-    found = list(ways)
-    if not found:
-        return view
-    precision = "float64" if any(precision == "float64" for _, precision in found) else found[0][1]
-    return view.replace(settings={**view.settings, "backend": found[0][0], "precision": precision})
+    return view.part(native, view.cell(number), depths, in_front=in_front, light=light)
 
 
 def draw_brick(
-    view: BrickView,
-    number: int,
-    field: Field,
-    renderer: Renderer,
-    in_front: NDArray[np.float32] | None = None,
-    progress: Progress | None = None,
-    light: Any = None,
+    view: BrickView, number: int, field: Field, in_front: NDArray[np.float32] | None = None, light: Any = None
 ) -> Partial:
     """Return what one brick adds to a picture.
 
@@ -112,13 +51,9 @@ def draw_brick(
         Of the brick.
     field
         Its kernels and ghosts.
-    renderer
-        Draws it; made from ``view.settings``. It keeps what it found of a field for the next picture of the same one.
     in_front
         Opacity in front of it, float32 (h, w) of its footprint: then it is drawn behind that, and stop and depth are
         exact. Alone unless given: then no stop ends a pixel.
-    progress
-        As for `Renderer.render`.
     light
         Light volumes of all bricks (`bricks.light`), where the picture has shadows or ambient occlusion.
 
@@ -127,16 +62,18 @@ def draw_brick(
     InvalidInput, Unsupported, OutOfMemory, Cancelled
         As `Renderer.render`.
     """
-    drawn = view.window(number)
-    if drawn is None:
+    rect = view.footprint(number)
+    if rect is None:
         return empty(view)
-    rect, camera = drawn
     left, top, right, bottom = rect
+    size = right - left, bottom - top
+    camera = window(view.camera, view.size, (left, top), size)
     scene = native_part(view, number, field, view.depths_of(number), in_front, light)
     if view.depth_limit is not None:
         scene = scene.with_depth_limit(np.ascontiguousarray(view.depth_limit[top:bottom, left:right]))
-    size = (right - left, bottom - top)
-    image = renderer.native.render(scene=scene, camera=camera.native, size=size, **_also(view), progress=progress)
+    also = {name: name in view.outputs for name in OUTPUTS}
+    image = renderer_of(view.settings).render(scene=scene, camera=camera.native, size=size, **also, progress=asked())
+    residents().counts.drawn += 1
 
     def of(array: NDArray[np.float32] | None, dtype: type = np.float32) -> NDArray[np.floating] | None:
         # Without a copy where the type is right: the array keeps the picture that it belongs to.
@@ -168,14 +105,32 @@ def is_hidden(view: BrickView, number: int, in_front: NDArray[np.float32]) -> bo
     return bool((in_front[view.outline(number)] >= view.opacity_stop).all())
 
 
-def render_bricks(
-    view: BrickView,
-    field_of: FieldOf,
-    renderer: Renderer | None = None,
-    progress: Progress | None = None,
-    light: Any = None,
-    shown: Collection[int] | None = None,
-) -> Finished:
+def _render(view: BrickView, source: Any, number: int, light: Any, in_front: NDArray[np.float32] | None) -> Partial:
+    """Return what a brick adds behind some opacity in its footprint; a hidden one is not asked for."""
+    rect = view.footprint(number)
+    assert rect is not None
+    if in_front is None or not is_hidden(view, number, in_front):
+        return draw_brick(view, number, field_of(source, view, number), in_front, light)
+    # Nothing but the opacity in front of it.
+    rgba = np.zeros((*in_front.shape, 4), np.float32)
+    rgba[..., 3] = in_front
+    depth = np.full(in_front.shape, np.inf, np.float32) if "depth" in view.outputs else None
+    return Partial(view.mode, rect, rgba=rgba, depth=depth, is_behind=True)
+
+
+def render_brick(view: BrickView, source: Any, number: int, light: Any, *before: Partial) -> Partial:
+    """Return what a brick adds behind others that cover some of its pixels; raises what `draw_brick` does."""
+    if view.any_order:
+        return _render(view, source, number, light, None)
+    x0, y0, x1, y1 = rect = view.footprint(number) or (0, 0, 0, 0)
+    in_front = np.zeros((y1 - y0, x1 - x0), np.float32)
+    for part in before:
+        # Where several cover a pixel the last has the most.
+        in_front = np.maximum(in_front, part.opacity(rect))
+    return _render(view, source, number, light, in_front)
+
+
+def render_bricks(view: BrickView, source: Any, light: Any = None, shown: Collection[int] | None = None) -> Finished:
     """Return a picture that is drawn brick after brick, from front to back, in this process.
 
     It is the picture of the whole field within the rounding of float32, stop and depth included. Bricks outside of the
@@ -185,12 +140,8 @@ def render_bricks(
     ----------
     view
         The picture.
-    field_of
-        Makes the field of a brick, by its number.
-    renderer
-        A new one unless given, of the backend and precision that the whole calls for.
-    progress
-        Called with the share of bricks that are done; False stops.
+    source
+        What `field_of` makes the fields of bricks of.
     light
         As for `draw_brick`.
     shown
@@ -201,57 +152,24 @@ def render_bricks(
     InvalidInput, Unsupported, OutOfMemory, Cancelled
         As `Renderer.render`.
     """
-    if renderer is None:
-        view = _decided(view, field_of)
-    drawing = Renderer(**view.settings) if renderer is None else renderer
     width, height = view.size
-    in_front = None if view.is_scalar or view.any_order else np.zeros((height, width), np.float32)
-    shown = range(len(view.partition)) if shown is None else shown
-    count, done = len(shown), 0
-
-    def part_of(number: int) -> Partial:
-        rect = view.footprint(number)
-        if rect is None:
-            return empty(view)
-        x0, y0, x1, y1 = rect
-        before = None if in_front is None else in_front[y0:y1, x0:x1]
-        if before is not None and is_hidden(view, number, before):
-            return empty(view)
-        field = field_of(number)
-        if field is None:
-            return empty(view)
-
-        def told(share: float) -> object:
-            return progress is None or progress((done + share) / count)
-
-        part = draw_brick(view, number, field, drawing, before, told, light)
-        if before is not None and part.rgba is not None:
-            before[:] = part.rgba[..., 3]
-        return part
+    in_front = None if view.any_order else np.zeros((height, width), np.float32)
+    asked_of = [n for n in (range(len(view.partition)) if shown is None else shown) if view.footprint(n) is not None]
+    done = 0
 
     def merged(group: Grouped) -> Partial:
         """Draw and merge in the order in which a cluster does."""
         nonlocal done
         if not isinstance(group, int):
-            return merge(*map(merged, group))
-        part = part_of(group)
+            return merge(view, *map(merged, group))
+        x0, y0, x1, y1 = view.footprint(group) or (0, 0, 0, 0)
+        before = None if in_front is None else in_front[y0:y1, x0:x1]
+        with part_of(done / len(asked_of), (done + 1) / len(asked_of)):
+            part = _render(view, source, group, light, before)
+        if before is not None and part.rgba is not None:
+            before[:] = part.rgba[..., 3]
         done += 1
         return part
 
-    tree = grouped(view.nested(), shown)
+    tree = grouped(view.nested(), asked_of)
     return finish(view, empty(view) if tree is None else merged(tree))
-
-
-def _decided(view: BrickView, field_of: FieldOf) -> BrickView:
-    """Return the view with the backend and precision of the whole, where they are not given."""
-    if view.settings["precision"] != "auto" and view.settings["backend"] != "auto":
-        return view
-    renderer = Renderer(**view.settings)
-    ways = []
-    for number in view.order():
-        field = field_of(number) if view.footprint(number) is not None else None
-        if field is not None:
-            ways.append(way_of_drawing(view, number, field, renderer))
-            if view.lattice is not None:
-                break
-    return agreed(view, ways)

@@ -6,18 +6,19 @@ A piece is some rows of a table, in their order. All pieces have the same column
 from __future__ import annotations
 
 import glob
+import hashlib
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from sheetsplat._checks import shown
 from sheetsplat._objects import kind_of_object
-from sheetsplat.bricks.readers import Stamp, is_url, placed_errors
+from sheetsplat.bricks.readers import Stamp, check_options, check_plain, is_url, placed_errors, refused
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField
 from sheetsplat.io.formats import PARQUET
@@ -31,147 +32,100 @@ KERNELS = ("normalization", "w0", "falloff", "min_scale", "base")
 _ROWS = 1 << 20
 # Weights that are all 0 in a piece need not be so in all.
 _LEAST_WEIGHT = 1e-30
-
-
-class Pieces(Protocol):
-    """Tables of kernels. It can be pickled, and any process with the same files can use it."""
-
-    @property
-    def name(self) -> str:
-        """The file or the data, for messages."""
-
-    @property
-    def token(self) -> str:
-        """The same for the same data; another one after a file was changed."""
-
-    @property
-    def counts(self) -> Sequence[int]:
-        """Number of rows of each piece."""
-
-    def read(self, number: int) -> EllipsoidField:
-        """Return the kernels of a piece."""
+_FRAME = "the dask DataFrame"
 
 
 @dataclass(frozen=True, eq=False)
-class FieldPieces:
-    """Kernels in memory."""
+class Pieces:
+    """Tables of kernels. It can be pickled, and any process with the same files can use it.
 
-    field: EllipsoidField
-    name: str = "the kernels"
+    Attributes
+    ----------
+    name
+        The file or the data, for messages.
+    token
+        The same for the same data; another one after a file was changed.
+    counts
+        Number of rows of each piece.
+    read
+        Returns the kernels of a piece, by its number.
+    in_memory
+        Whether they are here already.
+    """
 
-    @cached_property
-    def token(self) -> str:
-        """Of all arrays."""
-        import hashlib
-
-        digest = hashlib.blake2b(digest_size=12)
-        for array in (self.field.centers, self.field.scales, self.field.rotations, self.field.values,
-                      self.field.weights):  # fmt: skip
-            digest.update(b"-" if array is None else np.ascontiguousarray(array).data)
-        return digest.hexdigest()
-
-    @property
-    def counts(self) -> Sequence[int]:
-        """Number of rows of each piece."""
-        return [min(_ROWS, self.field.size - first) for first in range(0, self.field.size, _ROWS)]
-
-    def read(self, number: int) -> EllipsoidField:
-        """Return some of the kernels."""
-        first = number * _ROWS
-        return self.field.part(np.arange(first, min(first + _ROWS, self.field.size)))
-
-
-@dataclass(frozen=True)
-class _FilePieces:
-    """Pieces of files, which are named by them."""
-
-    stamps: tuple[Stamp, ...]
-
-    @property
-    def name(self) -> str:
-        return _listed(self.stamps)
-
-    @property
-    def token(self) -> str:
-        return repr(self)
-
-
-@dataclass(frozen=True)
-class _Hdf5Pieces(_FilePieces):
-    """Particles of HDF5 files with the layout of Gadget."""
-
-    # File, first row, and the row behind the last.
-    spans: tuple[tuple[int, int, int], ...]
-    options: Mapping[str, Any]
-    kernels: Mapping[str, Any]
-
-    @property
-    def counts(self) -> Sequence[int]:
-        return [last - first for _, first, last in self.spans]
-
-    def read(self, number: int) -> EllipsoidField:
-        from sheetsplat.io import sph_hdf5
-
-        at, first, last = self.spans[number]
-        stamp = self.stamps[at]
-        with placed_errors(f"rows {first} to {last} of {stamp.path} cannot be read"):
-            stamp.check()
-            with Source(stamp.path, "") as source, np.errstate(all="ignore"):
-                return _field(sph_hdf5.read(source, rows=(first, last), **self.options), self.kernels, str(stamp.path))
-
-
-@dataclass(frozen=True)
-class _ParquetPieces(_FilePieces):
-    """Row groups of Parquet files."""
-
-    # File, row group, and its rows.
-    groups: tuple[tuple[int, int, int], ...]
-    scalar: str | None
-    kernels: Mapping[str, Any]
-
-    @property
-    def counts(self) -> Sequence[int]:
-        return [rows for _, _, rows in self.groups]
-
-    def read(self, number: int) -> EllipsoidField:
-        at, group, _ = self.groups[number]
-        stamp = self.stamps[at]
-        with placed_errors(f"row group {group} of {stamp.path} cannot be read"):
-            from pyarrow import parquet  # type: ignore[import-not-found, import-untyped, unused-ignore]
-
-            stamp.check()
-            table = parquet.ParquetFile(stamp.path).read_row_group(group)
-            columns = {name: table.column(name).to_numpy() for name in table.column_names}
-            return _of_columns(columns, str(stamp.path), self.scalar, self.kernels)
-
-
-@dataclass(frozen=True, eq=False)
-class _FramePieces:
-    """Partitions of a DataFrame of dask."""
-
-    frame: Any
+    name: str
     token: str
-    # Number of a partition, and its rows.
-    partitions: tuple[tuple[int, int], ...]
-    scalar: str | None
-    kernels: Mapping[str, Any]
-    name: str = "the dask DataFrame"
-
-    @property
-    def counts(self) -> Sequence[int]:
-        return [rows for _, rows in self.partitions]
-
-    def read(self, number: int) -> EllipsoidField:
-        partition, _ = self.partitions[number]
-        with placed_errors(f"partition {partition} of {self.name} cannot be read"):
-            # Tasks of a worker read pieces; further tasks of its scheduler would wait for them.
-            frame = self.frame.get_partition(partition).compute(scheduler="synchronous")
-            return _of_columns(frame, self.name, self.scalar, self.kernels)
+    counts: tuple[int, ...]
+    read: Callable[[int], EllipsoidField]
+    in_memory: bool = False
 
 
-def _listed(stamps: Sequence[Stamp]) -> str:
+def _some(name: str, token: str, counts: Iterable[int], read: Callable[[int], EllipsoidField]) -> Pieces:
+    made = Pieces(name, token, tuple(counts), read)
+    if not sum(made.counts):
+        raise refused(name, "no rows", "at least one")
+    return made
+
+
+def _in_memory(field: EllipsoidField, name: str = "the kernels") -> Pieces:
+    if field.ghosts or not field.size:
+        found = f"{field.ghosts} ghost points" if field.ghosts else "no kernels"
+        raise refused("the field", found, "kernels of data")
+    digest = hashlib.blake2b(digest_size=12)
+    for array in (field.centers, field.scales, field.rotations, field.values, field.weights):
+        digest.update(b"-" if array is None else np.ascontiguousarray(array).data)
+    spans = [(first, min(first + _ROWS, field.size)) for first in range(0, field.size, _ROWS)]
+    counts = tuple(last - first for first, last in spans)
+    return Pieces(name, digest.hexdigest(), counts, lambda number: field.part(np.arange(*spans[number])), True)
+
+
+def _of_files(stamps: Sequence[Stamp], spans: Sequence[tuple[int, int, int]], read: Any, *given: Any) -> Pieces:
+    """Return pieces of files: the number of a file, its first row, or row group, and how many rows."""
     more = f" and {len(stamps) - 1} more" if len(stamps) > 1 else ""
-    return f"{stamps[0].path}{more}"
+    made = partial(read, tuple(stamps), tuple(spans), *given)
+    counts = (rows for _, _, rows in spans)
+    return _some(f"{stamps[0].path}{more}", repr((stamps, spans, given)), counts, made)
+
+
+def _read_particles(
+    stamps: Sequence[Stamp], spans: Sequence[tuple[int, int, int]], options: Mapping[str, Any],
+    kernels: Mapping[str, Any], number: int,
+) -> EllipsoidField:  # fmt: skip
+    """Return particles of an HDF5 file with the layout of Gadget."""
+    from sheetsplat.io import sph_hdf5
+
+    at, first, rows = spans[number]
+    stamp, last = stamps[at], first + rows
+    with placed_errors(f"rows {first} to {last} of {stamp.path} cannot be read"):
+        stamp.check()
+        with Source(stamp.path, "") as source, np.errstate(all="ignore"):
+            return _field(sph_hdf5.read(source, rows=(first, last), **options), kernels, str(stamp.path))
+
+
+def _read_group(
+    stamps: Sequence[Stamp], groups: Sequence[tuple[int, int, int]], scalar: str | None, kernels: Mapping[str, Any],
+    number: int,
+) -> EllipsoidField:  # fmt: skip
+    """Return a row group of a Parquet file."""
+    at, group, _ = groups[number]
+    stamp = stamps[at]
+    with placed_errors(f"row group {group} of {stamp.path} cannot be read"):
+        from pyarrow import parquet  # type: ignore[import-not-found, import-untyped, unused-ignore]
+
+        stamp.check()
+        table = parquet.ParquetFile(stamp.path).read_row_group(group)
+        columns = {name: table.column(name).to_numpy() for name in table.column_names}
+        return _of_columns(columns, str(stamp.path), scalar, kernels)
+
+
+def _read_partition(
+    frame: Any, partitions: Sequence[int], scalar: str | None, kernels: Mapping[str, Any], number: int
+) -> EllipsoidField:
+    """Return a partition of a DataFrame of dask."""
+    with placed_errors(f"partition {partitions[number]} of {_FRAME} cannot be read"):
+        # Tasks of a worker read pieces; further tasks of its scheduler would wait for them.
+        found = frame.get_partition(partitions[number]).compute(scheduler="synchronous")
+        return _of_columns(found, _FRAME, scalar, kernels)
 
 
 def _of_columns(columns: Any, where: str, scalar: str | None, kernels: Mapping[str, Any]) -> EllipsoidField:
@@ -187,8 +141,8 @@ def _field(record: Scattered, kernels: Mapping[str, Any], where: str) -> Ellipso
     from sheetsplat.io.kernels import field_of
 
     if not record.has_kernels:
-        raise complain(
-            f"{where} cannot be opened in bricks",
+        raise refused(
+            where,
             "points without the sizes of kernels, which follow from their neighbours",
             "smoothing lengths, a column radius, or sx, sy, sz",
             "open it with sheetsplat.open",
@@ -218,7 +172,7 @@ def pieces_of(data: Any, options: Mapping[str, Any], client: Any = None) -> Piec
         For options that do not belong to the format, and damaged headers.
     """
     if isinstance(data, EllipsoidField):
-        return FieldPieces(_checked(data))
+        return _in_memory(data)
     if _is_dask_frame(data):
         return _of_frame(data, options, client)
     kind = None if isinstance(data, str | os.PathLike) else kind_of_object(data)
@@ -230,7 +184,7 @@ def pieces_of(data: Any, options: Mapping[str, Any], client: Any = None) -> Piec
         given = {name: value for name, value in options.items() if name in (*READING, *KERNELS)}
         made = field_of_object(data, kind, given)
         assert isinstance(made, EllipsoidField)
-        return FieldPieces(made, kind.name)
+        return _in_memory(made, kind.name)
     several = isinstance(data, list | tuple) and data and all(isinstance(one, str | os.PathLike) for one in data)
     if isinstance(data, str | os.PathLike):
         files = _files(os.fspath(data))
@@ -251,13 +205,6 @@ def pieces_of(data: Any, options: Mapping[str, Any], client: Any = None) -> Piec
     return None
 
 
-def _checked(field: EllipsoidField) -> EllipsoidField:
-    if field.ghosts or not field.size:
-        found = f"{field.ghosts} ghost points" if field.ghosts else "no kernels"
-        raise complain("the field cannot be opened in bricks", found, "kernels of data")
-    return field
-
-
 def _files(text: str) -> list[str]:
     """Return the files of Parquet in a folder, sorted; a file itself."""
     if os.path.isdir(text):
@@ -275,13 +222,7 @@ def _holds_particles(text: str, options: Mapping[str, Any]) -> bool:
 
 def _reading(where: str, options: Mapping[str, Any], known: Sequence[str]) -> dict[str, Any]:
     """Return the options of kernels; InvalidInput for options of reading that are not known."""
-    if wrong := [name for name in READING if name in options and name not in known]:
-        raise complain(
-            f"{where} cannot be opened in bricks",
-            ", ".join(wrong) + " for a table of columns",
-            "only " + ", ".join(known),
-            option=wrong[0] if len(wrong) == 1 else None,
-        )
+    check_options(where, [name for name in READING if name in options], known, "a table of columns")
     return {name: options[name] for name in KERNELS if name in options}
 
 
@@ -293,34 +234,31 @@ def _of_hdf5(files: Sequence[str], options: Mapping[str, Any]) -> Pieces:
     stamps, spans = [], []
     for number, name in enumerate(files):
         with Source(Path(name), "") as source:
-            if source.packed:
-                found = "a gzipped file"
-                raise complain(f"{name} cannot be opened in bricks", found, "one that is not packed", "unpack it first")
+            check_plain(source, name)
             count, support = sph_hdf5.locate(source, options.get("particles"), reading.get("support"))
         if support is not None:
             # One for all files of a snapshot.
             reading["support"] = support
         stamps.append(Stamp.of(Path(name)))
-        spans += [(number, first, min(first + _ROWS, count)) for first in range(0, count, _ROWS)]
-    return _some(_Hdf5Pieces(tuple(stamps), tuple(spans), reading, kernels))
+        spans += [(number, first, min(_ROWS, count - first)) for first in range(0, count, _ROWS)]
+    return _of_files(stamps, spans, _read_particles, reading, kernels)
 
 
 def _of_parquet(files: Sequence[str], options: Mapping[str, Any]) -> Pieces:
     kernels = _reading(files[0], options, ("scalar",))
     stamps, groups = [], []
     for number, name in enumerate(files):
-        what = f"{name} cannot be opened in bricks"
         if is_url(name):
             advice = "pass a DataFrame of dask, which reads URLs: dask.dataframe.read_parquet"
-            raise complain(what, "Parquet at a URL", "its path; at URLs raw samples alone are read", advice)
-        with placed_errors(what), Source(Path(name), "") as source:
+            raise refused(name, "Parquet at a URL", "its path; at URLs raw samples alone are read", advice)
+        with placed_errors(f"{name} cannot be opened in bricks"), Source(Path(name), "") as source:
             from pyarrow import parquet
 
             about = parquet.ParquetFile(source.path).metadata
             rows = [about.row_group(group).num_rows for group in range(about.num_row_groups)]
             stamps.append(Stamp.of(source.path))
         groups += [(number, group, count) for group, count in enumerate(rows) if count]
-    return _some(_ParquetPieces(tuple(stamps), tuple(groups), options.get("scalar"), kernels))
+    return _of_files(stamps, groups, _read_group, options.get("scalar"), kernels)
 
 
 def _is_dask_frame(data: Any) -> bool:
@@ -331,21 +269,15 @@ def _is_dask_frame(data: Any) -> bool:
 def _of_frame(data: Any, options: Mapping[str, Any], client: Any) -> Pieces:
     from dask.base import tokenize  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
-    kernels = _reading("the dask DataFrame", options, ("scalar",))
-    with placed_errors("the dask DataFrame cannot be opened in bricks"):
+    kernels = _reading(_FRAME, options, ("scalar",))
+    with placed_errors(f"{_FRAME} cannot be opened in bricks"):
         lengths = data.map_partitions(len)
         counts = lengths.compute(scheduler="synchronous" if client is None else client)
         scalar = options.get("scalar")
         token = repr((tokenize(data), scalar, kernels))
     # Of filtered tables some partitions are empty.
-    filled = tuple((number, int(count)) for number, count in enumerate(counts) if count)
-    return _some(_FramePieces(data, token, filled, scalar, kernels))
+    filled = {number: int(count) for number, count in enumerate(counts) if count}
+    return _some(_FRAME, token, filled.values(), partial(_read_partition, data, tuple(filled), scalar, kernels))
 
 
-def _some(pieces: Pieces) -> Pieces:
-    if not sum(pieces.counts):
-        raise complain(f"{pieces.name} cannot be opened in bricks", "no rows", "at least one")
-    return pieces
-
-
-__all__ = ["KERNELS", "READING", "FieldPieces", "Pieces", "pieces_of"]
+__all__ = ["KERNELS", "READING", "Pieces", "pieces_of"]

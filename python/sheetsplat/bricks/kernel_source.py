@@ -7,26 +7,24 @@ supports reach: a brick reads its own segments and, of its neighbours, those tha
 
 from __future__ import annotations
 
-import shutil
-import tempfile
-import weakref
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import Bounds
+from sheetsplat.bricks.kernel_pieces import Pieces
 from sheetsplat.bricks.partition import Brick, Partition
-from sheetsplat.errors import Error, complain, option_ref
+from sheetsplat.bricks.store import Store
 from sheetsplat.fields import EllipsoidField
 from sheetsplat.fields.axes import frames
 from sheetsplat.io.kernels import logarithm
 
 Floats = NDArray[np.float64]
+#: A structured array.
+Table = NDArray[Any]
 
 # Bits along an axis of the curve by which the kernels of a brick are sorted.
 _BITS = 10
@@ -34,221 +32,86 @@ _BITS = 10
 _ROUNDING = 1.0 + 1e-12
 
 
-@dataclass(frozen=True)
-class Columns:
-    """Which columns a table of kernels has: x, y, z, semi-axes, a quaternion, value, weight, and the row of the piece.
+#: Rows of sorted pieces that lie close together in one brick: the piece, its first row and the row behind the last; the
+#: brick that the centres lie in; the box around the supports; smallest and largest value.
+SEGMENTS = np.dtype(
+    [("piece", "i8"), ("first", "i8"), ("last", "i8"), ("brick", "i8"), ("lower", "f8", 3), ("upper", "f8", 3),
+     ("range", "f8", 2)]
+)  # fmt: skip
 
-    Attributes
-    ----------
-    axes
-        Columns of semi-axes: 1 of spheres, 3 of ellipsoids.
-    turned, weighted
-        Whether there are quaternions, and weights.
+
+def table_of(field: EllipsoidField) -> Table:
+    """Return the kernels of a field as a table of what they have, (N,), with the row of each."""
+    axes = 1 if field.scales.ndim == 1 else 3
+    parts: dict[str, Any] = {"center": field.centers, "axes": field.scales.reshape(field.size, axes)}
+    parts |= {} if field.rotations is None else {"turn": field.rotations}
+    parts |= {"value": field.values} | ({} if field.weights is None else {"weight": field.weights})
+    parts["row"] = np.arange(field.size)
+    table = np.empty(field.size, [(name, "f8", np.shape(one)[1:]) for name, one in parts.items()])
+    for name, one in parts.items():
+        table[name] = one
+    return table
+
+
+def field_of_table(table: Table, template: EllipsoidField, value_range: tuple[float, float]) -> EllipsoidField:
+    """Return the field of the kernels of a table, with the options of another field."""
+    turns, weights = (table[name] if name in (table.dtype.names or ()) else None for name in ("turn", "weight"))
+    scales = table["axes"][:, 0] if table["axes"].shape[1] == 1 else table["axes"]
+    return template.with_rows(table["center"], scales, turns, table["value"], weights, value_range=value_range)
+
+
+def _extents(table: Table) -> Floats:
+    """Return half the extents of supports along the world's axes, (N, 3)."""
+    axes = np.broadcast_to(table["axes"], (len(table), 3))
+    if "turn" not in (table.dtype.names or ()):
+        return np.asarray(axes * _ROUNDING)
+    return np.asarray(np.sqrt(((frames(table["turn"]) * axes[:, None, :]) ** 2).sum(axis=2)) * _ROUNDING)
+
+
+def supports_of(segments: Table, bricks: int) -> tuple[Bounds, ...]:
+    """Return the boxes around the supports of the kernels of each brick that has any."""
+    lower, upper = np.full((bricks, 3), np.inf), np.full((bricks, 3), -np.inf)
+    np.minimum.at(lower, segments["brick"], segments["lower"])
+    np.maximum.at(upper, segments["brick"], segments["upper"])
+    there = np.flatnonzero((lower <= upper).all(axis=1))
+    return tuple((tuple(lower[n].tolist()), tuple(upper[n].tolist())) for n in there)
+
+
+def joined_segments(_: Any, *parts: Table) -> Table:
+    """Return all segments of several pieces."""
+    return np.concatenate(parts)
+
+
+def sort_piece(shared: tuple[Partition, int, Store], pieces: Pieces, number: int) -> Table:
+    """Sort a piece by bricks, keep it, and return its segments.
+
+    `shared`: the bricks, how many rows a segment has at most, and where the piece is kept.
     """
-
-    axes: int
-    turned: bool
-    weighted: bool
-
-    @classmethod
-    def of(cls, field: EllipsoidField) -> Columns:
-        """Return the columns that the kernels of a field need."""
-        return cls(1 if field.scales.ndim == 1 else 3, field.rotations is not None, field.weights is not None)
-
-    @property
-    def count(self) -> int:
-        """Number of columns."""
-        return 5 + self.axes + 4 * self.turned + self.weighted
-
-    @property
-    def value(self) -> int:
-        """The column of values."""
-        return 3 + self.axes + 4 * self.turned
-
-    def table(self, field: EllipsoidField) -> Floats:
-        """Return the kernels of a field as a table."""
-        parts = [field.centers, field.scales.reshape(field.size, self.axes)]
-        parts += [] if field.rotations is None else [field.rotations]
-        parts += [field.values[:, None]] + ([] if field.weights is None else [field.weights[:, None]])
-        return np.concatenate([*parts, np.arange(field.size, dtype=np.float64)[:, None]], axis=1)
-
-    def arrays(self, table: Floats) -> tuple[Floats, Floats, Floats | None, Floats, Floats | None]:
-        """Return centres, semi-axes, quaternions, values and weights of a table."""
-        scales = table[:, 3] if self.axes == 1 else table[:, 3:6]
-        turns = table[:, 3 + self.axes : 7 + self.axes] if self.turned else None
-        weights = table[:, self.value + 1] if self.weighted else None
-        return table[:, :3], scales, turns, table[:, self.value], weights
-
-    def extents(self, table: Floats) -> Floats:
-        """Return half the extents of supports along the world's axes, (N, 3)."""
-        _, scales, turns, _, _ = self.arrays(table)
-        axes = np.broadcast_to(scales.reshape(len(table), self.axes), (len(table), 3))
-        if turns is None:
-            return np.asarray(axes * _ROUNDING)
-        return np.asarray(np.sqrt(((frames(turns) * axes[:, None, :]) ** 2).sum(axis=2)) * _ROUNDING)
-
-
-@dataclass(frozen=True, eq=False)
-class Segments:
-    """Rows of sorted pieces that lie close together in one brick. All arrays have one entry, or row, a segment.
-
-    Attributes
-    ----------
-    piece, first, last
-        The piece, its first row, and the row behind the last.
-    brick
-        Number of the brick that the centres lie in.
-    lower, upper
-        The box around the supports, (N, 3).
-    ranges
-        Smallest and largest value, (N, 2).
-    """
-
-    piece: NDArray[np.int64]
-    first: NDArray[np.int64]
-    last: NDArray[np.int64]
-    brick: NDArray[np.int64]
-    lower: Floats
-    upper: Floats
-    ranges: Floats
-
-    @classmethod
-    def joined(cls, parts: Sequence[Segments]) -> Segments:
-        """Return all segments of several."""
-        names = ("piece", "first", "last", "brick", "lower", "upper", "ranges")
-        return cls(*(np.concatenate([getattr(one, name) for one in parts]) for name in names))
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes of the arrays."""
-        return sum(int(one.nbytes) for one in vars(self).values())
-
-    def reaching(self, cell: Bounds, margin: float) -> NDArray[np.int64]:
-        """Return the numbers of segments that may reach closer to a cell than `margin`."""
-        lower, upper = np.asarray(cell)
-        near = ((self.upper + margin >= lower) & (self.lower - margin <= upper)).all(axis=1)
-        return np.flatnonzero(near)
-
-    def supports(self, bricks: int) -> tuple[Bounds, ...]:
-        """Return the boxes around the supports of the kernels of each brick that has any."""
-        lower, upper = np.full((bricks, 3), np.inf), np.full((bricks, 3), -np.inf)
-        np.minimum.at(lower, self.brick, self.lower)
-        np.maximum.at(upper, self.brick, self.upper)
-        there = np.flatnonzero((lower <= upper).all(axis=1))
-        return tuple((tuple(lower[n].tolist()), tuple(upper[n].tolist())) for n in there)
-
-
-class Store(Protocol):
-    """Where sorted pieces are."""
-
-    def write(self, number: int, table: Floats) -> None:
-        """Keep a sorted piece."""
-
-    def rows(self, number: int, first: int, last: int) -> Floats:
-        """Return rows of a sorted piece."""
-
-    @property
-    def carried(self) -> int:
-        """Bytes that go along where it is pickled."""
-
-
-class MemoryStore:
-    """Sorted pieces in memory."""
-
-    def __init__(self) -> None:
-        self._tables: dict[int, Floats] = {}
-
-    def write(self, number: int, table: Floats) -> None:
-        """Keep a sorted piece."""
-        self._tables[number] = table
-
-    def rows(self, number: int, first: int, last: int) -> Floats:
-        """Return rows of a sorted piece."""
-        return self._tables[number][first:last]
-
-    @property
-    def carried(self) -> int:
-        """Bytes that go along where it is pickled."""
-        return sum(one.nbytes for one in self._tables.values())
-
-
-@dataclass(frozen=True, eq=False)
-class FileStore:
-    """Sorted pieces in files of a folder that all processes see."""
-
-    folder: Path
-
-    @classmethod
-    def new(cls, parent: str | None) -> FileStore:
-        """Return an empty store in a new folder, which goes with it."""
-        try:
-            made = cls(Path(tempfile.mkdtemp(prefix="sheetsplat-", dir=parent)))
-        except OSError as error:
-            raise complain(
-                "sorted kernels cannot be kept",
-                f"{error.strerror or error} in {parent or tempfile.gettempdir()}",
-                "a folder that can be written",
-                "pass " + option_ref("scratch", "..."),
-                kind=Error,
-            ) from None
-        weakref.finalize(made, shutil.rmtree, made.folder, True)
-        return made
-
-    def write(self, number: int, table: Floats) -> None:
-        """Write a sorted piece; what is there is replaced at once."""
-        try:
-            with tempfile.NamedTemporaryFile(dir=self.folder, suffix=".part", delete=False) as file:
-                np.save(file, table)
-            Path(file.name).replace(self._path(number))
-        except OSError as error:
-            raise self._unseen(error) from None
-
-    def rows(self, number: int, first: int, last: int) -> Floats:
-        """Read rows of a sorted piece."""
-        try:
-            return np.array(np.load(self._path(number), mmap_mode="r")[first:last])
-        except (OSError, ValueError) as error:
-            raise self._unseen(error) from None
-
-    def _path(self, number: int) -> Path:
-        return self.folder / f"piece_{number:07d}.npy"
-
-    def _unseen(self, error: Exception) -> Error:
-        return complain(
-            f"sorted kernels in {self.folder} cannot be used",
-            str(error),
-            "a folder that all workers see, with room for all kernels",
-            "pass " + option_ref("scratch", "...") + " to sheetsplat.open_bricks",
-            kind=Error,
-        )
-
-    @property
-    def carried(self) -> int:
-        """Bytes that go along where it is pickled."""
-        return 0
-
-
-def sort_piece(table: Floats, number: int, columns: Columns, partition: Partition, rows: int, store: Store) -> Segments:
-    """Sort a piece by bricks, keep it, and return its segments of at most so many rows."""
-    centers = table[:, :3]
-    bricks = partition.brick_of(centers)
-    order = np.lexsort((_curve(centers), bricks))
+    partition, rows, store = shared
+    table = table_of(pieces.read(number))
+    bricks = partition.brick_of(table["center"])
+    order = np.lexsort((_curve(table["center"]), bricks))
     table, bricks = table[order], bricks[order]
-    store.write(number, table)
+    store.write(_name(number), table)
     starts = np.flatnonzero(np.diff(bricks, prepend=-1))
     ends = np.append(starts[1:], len(bricks))
     first = np.concatenate([np.arange(a, b, rows) for a, b in zip(starts.tolist(), ends.tolist(), strict=True)])
-    last = np.append(first[1:], len(bricks))
-    extents, values = columns.extents(table), table[:, columns.value]
-    return Segments(
-        np.full(len(first), number, np.int64),
-        first.astype(np.int64),
-        last.astype(np.int64),
-        bricks[first].astype(np.int64),
-        np.minimum.reduceat(table[:, :3] - extents, first, axis=0),
-        np.maximum.reduceat(table[:, :3] + extents, first, axis=0),
-        np.stack((np.minimum.reduceat(values, first), np.maximum.reduceat(values, first)), axis=1),
+    found = np.empty(len(first), SEGMENTS)
+    found["piece"], found["first"], found["last"], found["brick"] = (
+        number,
+        first,
+        [*first[1:], len(bricks)],
+        bricks[first],
     )
+    extents, values = _extents(table), table["value"]
+    found["lower"] = np.minimum.reduceat(table["center"] - extents, first, axis=0)
+    found["upper"] = np.maximum.reduceat(table["center"] + extents, first, axis=0)
+    found["range"] = np.stack((np.minimum.reduceat(values, first), np.maximum.reduceat(values, first)), axis=1)
+    return found
+
+
+def _name(piece: int) -> str:
+    return f"piece_{piece:07d}"
 
 
 def _curve(points: Floats) -> NDArray[np.int64]:
@@ -275,7 +138,9 @@ class KernelSource:
         The same for the same kernels cut in the same way.
     template
         A field without kernels that has their options, quantity and orientation.
-    columns, store, segments
+    kind
+        Of the tables of kernels.
+    store, segments
         The sorted pieces, and what is known of them.
     partition
         The bricks.
@@ -290,9 +155,9 @@ class KernelSource:
     name: str
     token: str
     template: EllipsoidField
-    columns: Columns
+    kind: np.dtype[Any]
     store: Store
-    segments: Segments
+    segments: Table
     partition: Partition
     longest: float
     floor: float | None = None
@@ -337,14 +202,19 @@ class KernelSource:
 
     def value_range(self, number: int, margin: float) -> tuple[float, float] | None:
         """Return a range of the values of all kernels that reach a brick; None where there are none."""
-        ranges = self.segments.ranges[self.segments.reaching(self._brick(number).cell, margin)]
+        ranges = self.segments["range"][self._reaching(self.partition.bricks[number], margin)]
         if not len(ranges):
             return None
         low, high = self.shown_as(np.array([ranges[:, 0].min(), ranges[:, 1].max()])).tolist()
         return low, high
 
-    def _brick(self, number: int) -> Brick:
-        return self.partition.bricks[number]
+    def _reaching(self, brick: Brick, margin: float) -> NDArray[np.bool_]:
+        """Return which segments may reach closer to a brick than `margin`."""
+        lower, upper = np.asarray(brick.cell)
+        known = self.segments
+        near = (known["upper"] + margin >= lower) & (known["lower"] - margin <= upper)
+        found: NDArray[np.bool_] = near.all(axis=1)
+        return found
 
     def read(self, number: int, margin: float, value_range: tuple[float, float]) -> tuple[EllipsoidField, int]:
         """Return the kernels that reach closer to a brick than `margin`, and the bytes that were read for them.
@@ -367,37 +237,26 @@ class KernelSource:
         Error
             Where they cannot be read any more.
         """
-        brick = self._brick(number)
-        found = self.segments.reaching(brick.cell, margin)
-        count = int((self.segments.last[found] - self.segments.first[found]).sum())
+        brick = self.partition.bricks[number]
+        found = self.segments[self._reaching(brick, margin)]
+        count = int((found["last"] - found["first"]).sum())
         # What is read, what is kept of it, and the field.
         what = f"{count} kernels around brick {number} of {self.name}"
-        _memory.require(3 * 8 * self.columns.count * count, what, "use smaller bricks")
-        tables, pieces = [], []
-        for piece, first, last in self._spans(found):
-            table = self.store.rows(piece, first, last)
-            extents = self.columns.extents(table)
-            near = table[brick.reached(table[:, :3], extents, margin)]
+        _memory.require(3 * self.kind.itemsize * count, what, "use smaller bricks")
+        tables, pieces = [np.empty(0, self.kind)], [np.empty(0, np.int64)]
+        # Segments that follow one another are read as one.
+        begins = np.ones(len(found), bool)
+        begins[1:] = (found["piece"][1:] != found["piece"][:-1]) | (found["first"][1:] != found["last"][:-1])
+        for part in np.split(found, np.flatnonzero(begins)[1:]) if len(found) else ():
+            piece, first, last = (int(one) for one in (part["piece"][0], part["first"][0], part["last"][-1]))
+            table = self.store.read(_name(piece), slice(first, last))
+            near = table[brick.reached(table["center"], _extents(table), margin)]
             tables.append(near)
             pieces.append(np.full(len(near), piece))
-        table = np.concatenate(tables) if tables else np.empty((0, self.columns.count))
-        order = np.lexsort((table[:, -1], np.concatenate(pieces))) if tables else slice(0)
-        centers, scales, turns, values, weights = self.columns.arrays(table[order])
-        field = self.template.with_rows(centers, scales, turns, self.shown_as(values), weights, value_range=value_range)
-        return field, 8 * self.columns.count * count
-
-    def _spans(self, found: NDArray[np.int64]) -> list[tuple[int, int, int]]:
-        """Return piece, first and last row of segments, those that follow one another as one."""
-        spans: list[tuple[int, int, int]] = []
-        known = self.segments
-        for piece, first, last in zip(
-            known.piece[found].tolist(), known.first[found].tolist(), known.last[found].tolist(), strict=True
-        ):
-            if spans and spans[-1][0] == piece and spans[-1][2] == first:
-                spans[-1] = (piece, spans[-1][1], last)
-            else:
-                spans.append((piece, first, last))
-        return spans
+        table = np.concatenate(tables)
+        table = table[np.lexsort((table["row"], np.concatenate(pieces)))]
+        table["value"] = self.shown_as(table["value"])
+        return field_of_table(table, self.template, value_range), self.kind.itemsize * count
 
 
-__all__ = ["Columns", "FileStore", "KernelSource", "MemoryStore", "Segments", "Store", "sort_piece"]
+__all__ = ["KernelSource", "field_of_table", "joined_segments", "sort_piece", "supports_of", "table_of"]

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from dataclasses import dataclass, replace
-from typing import Any, cast
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,12 +26,29 @@ PREFILTER_MARGIN = 24
 _FARTHEST = {"cartesian": 0.8660254037844387, "bcc": 0.7905694150420949}
 
 
+def holds(outer: Box, inner: Box) -> bool:
+    """Return whether a box lies in another one."""
+    return all(a <= c and d <= b for (a, b), (c, d) in zip(outer, inner, strict=True))
+
+
+def slices(box: Box, outer: Box | None = None) -> tuple[slice, ...]:
+    """Return what cuts a box out of the samples of an outer one; of a whole volume unless given."""
+    starts = (0, 0, 0) if outer is None else (first for first, _ in outer)
+    return tuple(slice(first - start, last - start) for (first, last), start in zip(box, starts, strict=True))
+
+
 def _mirrored(numbers: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     """Return which of so many samples are mirrored at the first and the last one, as often as it takes."""
     if count == 1:
         return np.zeros_like(numbers)
     at = numbers % (2 * (count - 1))
     return np.where(at < count, at, 2 * (count - 1) - at)
+
+
+def _squares_outside(numbers: NDArray[Any], last: Any) -> NDArray[np.float64]:
+    """Return the squares of how many layers some, of which the last is one, lie beyond the ends of the domain."""
+    found: NDArray[np.float64] = np.maximum(0.0, np.maximum(-DOMAIN - numbers, numbers - last - DOMAIN)) ** 2
+    return found
 
 
 @dataclass(frozen=True)
@@ -70,21 +86,9 @@ class LatticeSpec:
     @classmethod
     def of(cls, field: RegularField) -> LatticeSpec:
         """Return what a field is made of, beside its samples."""
-        return cls(
-            shape=field.shape,
-            spacing=field.spacing,
-            origin=field.origin,
-            lattice=cast(Lattice, field.lattice),
-            radius=field.radius,
-            falloff=field.falloff,
-            normalization=cast(Normalization, field.normalization),
-            w0=field.w0,
-            nan=cast(NanPolicy, field.nan),
-            prefilter=field.prefilter,
-            boundary=cast(Boundary, field.boundary),
-            base=field.base,
-            has_holes=field.survey.missing > 0 if isinstance(field, BrickedField) else field.native.has_holes,
-        )
+        own = {one.name: getattr(field, one.name) for one in fields(cls) if one.name != "has_holes"}
+        has_holes = field.survey.missing > 0 if isinstance(field, BrickedField) else field.native.has_holes
+        return cls(**own, has_holes=has_holes)
 
     @property
     def steps(self) -> Triple:
@@ -116,16 +120,6 @@ class LatticeSpec:
         plain = self.normalization == "none" or self.prefilter
         constant = lattice_constant(self.radius, self.falloff, self.lattice) if plain else 1.0
         return constant * (1.0 + 1.01 * ripple.peak + 1e-6)
-
-    @property
-    def centres(self) -> Bounds:
-        """World-aligned box of all samples' places."""
-        nk, nj, ni = self.shape
-        # Odd layers of a BCC lattice are moved by half a step along x and y.
-        moved = 0.5 if self.lattice == "bcc" and nk > 1 else 0.0
-        last = (ni - 1 + moved, nj - 1 + moved, nk - 1.0)
-        x, y, z = (o + step * n for o, step, n in zip(self.origin, self.steps, last, strict=True))
-        return self.origin, (x, y, z)
 
     @property
     def ends(self) -> bool:
@@ -204,42 +198,27 @@ class LatticeSpec:
 
         Exact where no samples are missing; else bounds. `centres`: as for `supports`.
         """
-        beyond, squared = self._beyond, self._squared_radius
-        numbers: list[list[tuple[list[int], int, int]]] = []
-        for axis in range(3):
-            layer, low, high = self._layer[axis], centres[0][axis], centres[1][axis]
-            first = round((low - self.origin[axis]) / layer)
-            last = round((high - self.origin[axis]) / layer)
-            count = self._layers[axis]
-            below = first if first > beyond else -beyond
-            above = last if last < count - 1 - beyond else count - 1 + beyond
-            # Beside the outermost layer there are the next ones: a BCC lattice has no sample at some corners.
-            ends = [
-                [n for n in range(below, above + 1) if n <= max(first, 0) + 2],
-                [n for n in range(below, above + 1) if n >= min(last, count - 1) - 2],
-            ]
-            numbers.append([(part, count, axis) for part in ends])
+        beyond, layer, last = self._beyond, np.asarray(self._layer), np.asarray(self._layers) - 1
+        first_known, last_known = (np.rint((np.asarray(end) - self.origin) / layer).astype(int) for end in centres)
+        below = np.where(first_known > beyond, first_known, -beyond)
+        above = np.where(last_known < last - beyond, last_known, last + beyond)
+        # Beside the outermost layer there are the next ones: a BCC lattice has no sample at some corners.
+        low_end = np.minimum(above, np.maximum(first_known, 0) + 2)
+        high_end = np.maximum(below, np.minimum(last_known, last) - 2)
         found = []
-        for sign in (-1.0, 1.0):
-            sides = [numbers[axis][int(sign * direction[axis] > 0)] for axis in range(3)]
-            best = -math.inf
-            places = [[self.origin[axis] + n * self._layer[axis] - eye[axis] for n in part] for part, _, axis in sides]
-            for at in itertools.product(*(range(len(part)) for part, _, _ in sides)):
-                layers = [part[n] for n, (part, _, _) in zip(at, sides, strict=True)]
-                if self.lattice == "bcc" and len({n % 2 for n in layers}) > 1:
-                    continue
-                outside = [
-                    max(0.0, -DOMAIN - n, n - (count - 1) - DOMAIN)
-                    for n, (_, count, _) in zip(layers, sides, strict=True)
-                ]
-                if beyond and sum(part * part for part in outside) >= squared:
-                    continue
-                place = sum(
-                    row[n] * along for row, n, along in zip(places, at, (sign * direction).tolist(), strict=True)
-                )
-                best = max(best, place)
-            found.append(sign * best)
-        return found[0], found[1]
+        for along in (-direction, direction):
+            is_high = along > 0
+            sides = zip(np.where(is_high, high_end, below), np.where(is_high, above, low_end) + 1, strict=True)
+            layers = np.stack([one.ravel() for one in np.meshgrid(*(np.arange(*ends) for ends in sides))])
+            there = np.ones(layers.shape[1], bool)
+            if beyond:
+                there = _squares_outside(layers, last[:, None]).sum(axis=0) < self._squared_radius
+            if self.lattice == "bcc":
+                there &= (layers % 2 == layers[0] % 2).all(axis=0)
+            places = np.asarray(self.origin)[:, None] + layers * layer[:, None] - eye[:, None]
+            x, y, z = places[:, there] * along[:, None]
+            found.append(float((x + y + z).max(initial=-math.inf)))
+        return -found[0], found[1]
 
     def face(self, axis: int, index: int) -> float:
         """Return the coordinate of the plane midway between samples index - 1 and index along x, y or z."""
@@ -317,15 +296,8 @@ class LatticeSpec:
         wanted = tuple(last - first for first, last in read)
         if samples.shape != wanted:
             raise complain("a brick cannot be made", f"samples of shape {samples.shape}", f"shape {wanted}")
-        options: dict[str, Any] = {
-            "lattice": self.lattice,
-            "radius": self.radius,
-            "falloff": self.falloff,
-            "spacing": self.spacing,
-            "w0": self.w0,
-            "nan": self.nan,
-            "base": self.base,
-        }
+        names = ("lattice", "radius", "falloff", "spacing", "w0", "nan", "base")
+        options: dict[str, Any] = {name: getattr(self, name) for name in names}
         found = None
         if self.prefilter:
             # Where the volume is cut the boundary does not matter, as far away as it is.
@@ -359,9 +331,8 @@ class LatticeSpec:
 
     def _within(self, samples: NDArray[Any], box: Box, read: Box) -> NDArray[Any]:
         """Return the samples of a box, mirrored ones included, of those that were read."""
-        if all(a >= c and b <= d for (a, b), (c, d) in zip(box, read, strict=True)):
-            cut = tuple(slice(a - c, b - c) for (a, b), (c, _) in zip(box, read, strict=True))
-            return np.ascontiguousarray(samples[cut])
+        if holds(read, box):
+            return np.ascontiguousarray(samples[slices(box, read)])
         k, j, i = (np.arange(*ends) for ends in box)
         layers = self.samples_of(0, k) - read[0][0]
         if self.lattice == "bcc":
@@ -380,14 +351,11 @@ class LatticeSpec:
         k, j, i = (np.arange(*ends, dtype=np.float64) for ends in box)
         nx, ny, nz = self._layers
 
-        def outside(numbers: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-            return np.maximum(0.0, np.maximum(-DOMAIN - numbers, numbers - (count - 1) - DOMAIN)) ** 2
-
-        z = outside(k, nz)
+        z = _squares_outside(k, nz - 1)
         for odd in (0, 1) if self.lattice == "bcc" else (0,):
             part = slice(odd, None, 2) if self.lattice == "bcc" else slice(None)
             x, y = (2.0 * i + odd, 2.0 * j + odd) if self.lattice == "bcc" else (i, j)
-            away = z[part, None, None] + outside(y, ny)[:, None] + outside(x, nx)
+            away = z[part, None, None] + _squares_outside(y, ny - 1)[:, None] + _squares_outside(x, nx - 1)
             found[part][away >= self._squared_radius] = np.nan
         return found
 
@@ -396,4 +364,4 @@ class LatticeSpec:
         return replace(self, **changes)
 
 
-__all__ = ["PREFILTER_MARGIN", "Box", "LatticeSpec"]
+__all__ = ["PREFILTER_MARGIN", "Box", "LatticeSpec", "holds", "slices"]

@@ -11,6 +11,7 @@ import hashlib
 import math
 import pickle
 from collections import OrderedDict
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -94,11 +95,14 @@ def _error(view: BrickView, wanted: Floats, found: Floats) -> float:
     return math.sqrt(float(np.square(apart[shown]).mean())) if shown.any() else 0.0
 
 
+@dataclass(frozen=True, eq=False)
 class _Lines:
     """Lines through a brick, the same ones at every call: points are starts + distances along directions."""
 
-    def __init__(self, starts: Floats, along: Floats, distances: Floats, inside: NDArray[np.bool_]) -> None:
-        self.starts, self.along, self.distances, self.inside = starts, along, distances, inside
+    starts: Floats
+    along: Floats
+    distances: Floats
+    inside: NDArray[np.bool_]
 
     @classmethod
     def of(cls, view: BrickView, number: int) -> _Lines:
@@ -118,8 +122,8 @@ class _Lines:
 
 def _box_of(view: BrickView, number: int) -> tuple[Floats, Floats]:
     """Return what kernels reach of the cell of a brick."""
-    cell, supports = np.asarray(view.partition.bricks[number].cell), np.asarray(view.whole.supports)
-    lower, upper = view.whole.domain or (supports[:, 0].min(axis=0), supports[:, 1].max(axis=0))
+    cell = np.asarray(view.partition.bricks[number].cell)
+    lower, upper = np.asarray(view.whole.domain or view.supports)
     return np.maximum(cell[0], lower), np.minimum(cell[1], upper)
 
 

@@ -8,23 +8,19 @@ from __future__ import annotations
 
 import itertools
 import math
-import shutil
-import tempfile
-import weakref
-from collections.abc import Iterator
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Iterable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.bricks.lattice import Box, LatticeSpec
+from sheetsplat.bricks.lattice import Box, LatticeSpec, slices
 from sheetsplat.bricks.partition import Partition
 from sheetsplat.bricks.readers import Shape
 from sheetsplat.bricks.resident import residents
 from sheetsplat.bricks.sources import BrickSource, Level
-from sheetsplat.errors import Error, complain, option_ref
+from sheetsplat.bricks.store import Store
 
 
 def means(values: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:
@@ -43,92 +39,32 @@ def means(values: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:
     return made
 
 
-@dataclass(frozen=True, eq=False)
-class LevelStore:
-    """Levels of bricks in files of a folder that all processes see.
+def _of_level(store: Store, edge: int, level: int, stored: np.dtype[Any], box: Box) -> NDArray[Any]:
+    """Return the samples of a box of a level whose bricks are in a store; `edge`: of a brick, in its samples."""
+    found = np.empty([last - first for first, last in box], stored)
+    for place in itertools.product(*(range(first // edge, (last - 1) // edge + 1) for first, last in box)):
+        brick: Any = tuple((n * edge, n * edge + edge) for n in place)
+        inner: Any = tuple((max(a, c), min(b, d)) for (a, b), (c, d) in zip(box, brick, strict=True))
+        found[slices(inner, box)] = store.read(_name(level, place), slices(inner, brick))
+    return found
 
-    Attributes
-    ----------
-    folder
-        The folder.
-    edge
-        Of a brick, in samples of the volume.
+
+def _name(level: int, place: Iterable[int]) -> str:
+    return f"level_{level}_{'_'.join(map(str, place))}"
+
+
+def coarsen_brick(shared: tuple[Partition, int, int, Store], source: BrickSource, number: int) -> None:
+    """Make and keep levels of one brick, whose samples stay in this process where they fit.
+
+    `shared`: the bricks, their edge in samples, how many levels, and where these are kept.
     """
-
-    folder: Path
-    edge: int
-
-    @classmethod
-    def new(cls, parent: str | None, edge: int) -> LevelStore:
-        """Return an empty store in a new folder, which goes with it."""
-        try:
-            made = cls(Path(tempfile.mkdtemp(prefix="sheetsplat-", dir=parent)), edge)
-        except OSError as error:
-            raise _unusable(parent or tempfile.gettempdir(), error) from None
-        weakref.finalize(made, shutil.rmtree, made.folder, True)
-        return made
-
-    def write(self, level: int, place: Shape, values: NDArray[Any]) -> None:
-        """Write a level of a brick, which is at a place among all bricks."""
-        try:
-            with tempfile.NamedTemporaryFile(dir=self.folder, suffix=".part", delete=False) as file:
-                np.save(file, values)
-            Path(file.name).replace(self._path(level, place))
-        except OSError as error:
-            raise _unusable(self.folder, error) from None
-
-    def read(self, level: int, place: Shape, cuts: tuple[slice, ...]) -> NDArray[Any]:
-        """Return a part of a level of a brick."""
-        try:
-            return np.array(np.load(self._path(level, place), mmap_mode="r")[cuts])
-        except (OSError, ValueError) as error:
-            raise _unusable(self.folder, error) from None
-
-    def _path(self, level: int, place: Shape) -> Path:
-        return self.folder / f"level_{level}_{'_'.join(map(str, place))}.npy"
-
-
-def _unusable(folder: Path | str, error: Exception) -> Error:
-    return complain(
-        f"coarser levels in {folder} cannot be used",
-        str(error),
-        "a folder that all workers see, with room for a seventh of the samples in float32",
-        "pass " + option_ref("scratch", "...") + " to sheetsplat.open_bricks",
-        kind=Error,
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class LevelReader:
-    """A level whose bricks are in a store."""
-
-    store: LevelStore
-    level: int
-    stored: np.dtype[Any]
-
-    def read(self, box: Box) -> NDArray[Any]:
-        """Return the samples of a box of the level."""
-        edge = self.store.edge >> self.level
-        found = np.empty([last - first for first, last in box], self.stored)
-        for place in itertools.product(*(range(first // edge, (last - 1) // edge + 1) for first, last in box)):
-            k, j, i = place
-            inner = [(max(first, n * edge), min(last, n * edge + edge))
-                     for (first, last), n in zip(box, place, strict=True)]  # fmt: skip
-            there = tuple(slice(a - n * edge, b - n * edge) for (a, b), n in zip(inner, place, strict=True))
-            here = tuple(slice(a - first, b - first) for (a, b), (first, _) in zip(inner, box, strict=True))
-            found[here] = self.store.read(self.level, (k, j, i), there)
-        return found
-
-
-def coarsen_brick(source: BrickSource, partition: Partition, number: int, store: LevelStore, count: int) -> None:
-    """Make and keep the levels of one brick, whose samples stay in this process where they fit."""
+    partition, edge, count, store = shared
     core = partition.bricks[number].samples
     assert core is not None
-    k, j, i = (first // store.edge for first, _ in core)
     values, kind = residents().samples(source, core, core), mean_type(source)
     for level in range(1, count + 1):
         values = means(values, kind)
-        store.write(level, (k, j, i), values)
+        store.write(_name(level, (first // edge for first, _ in core)), values)
 
 
 def mean_type(source: BrickSource) -> np.dtype[Any]:
@@ -136,7 +72,7 @@ def mean_type(source: BrickSource) -> np.dtype[Any]:
     return np.dtype(np.float64 if source.dtype.itemsize > 4 else np.float32)
 
 
-def levels_of(source: BrickSource, store: LevelStore, count: int) -> tuple[Level, ...]:
+def levels_of(source: BrickSource, store: Store, edge: int, count: int) -> tuple[Level, ...]:
     """Return levels that `coarsen_brick` made of all bricks."""
     kind = mean_type(source)
     made = []
@@ -148,7 +84,7 @@ def levels_of(source: BrickSource, store: LevelStore, count: int) -> tuple[Level
             f"{source.token}level{level}",
             (nk, nj, ni),
             kind,
-            LevelReader(store, level, kind),
+            partial(_of_level, store, edge >> level, level, kind),
             quantity=source.quantity,
         )
         made.append(Level(coarse, (float(width),) * 3, (0.5 * (width - 1),) * 3))

@@ -9,21 +9,22 @@ from __future__ import annotations
 
 import hashlib
 import pickle
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import reduce
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat._sheetsplat import LightVolumes
-from sheetsplat.bricks.draw import native_part, renderer_of
-from sheetsplat.bricks.partition import EVERYWHERE
+from sheetsplat._waiting import asked
+from sheetsplat.bricks.draw import native_part
+from sheetsplat.bricks.needs import field_of
+from sheetsplat.bricks.partition import EVERYWHERE, MERGED
+from sheetsplat.bricks.resident import renderer_of
+from sheetsplat.bricks.tasks import Tasks
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.fields import Field
-from sheetsplat.options.renderer import Progress
-from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 
 
@@ -41,12 +42,6 @@ class Piece:
 
     first: tuple[int, int, int]
     values: NDArray[np.float32]
-
-    @property
-    def last(self) -> tuple[int, int, int]:
-        """The element behind the last one, [w, v, u]."""
-        w, v, u = (start + count for start, count in zip(self.first, self.values.shape, strict=True))
-        return w, v, u
 
     def add_to(self, values: NDArray[np.float32], first: tuple[int, int, int]) -> None:
         """Add it to a larger box."""
@@ -78,22 +73,13 @@ def planned_light(view: BrickView, field: Field) -> BrickView:
     """
     if not view.is_dimmed:
         return view.replace(light=None)
-    native = Scene.of_checked([((field,), view.transfer_function)], view.options).native.with_part(
-        cell=EVERYWHERE,
-        centres=view.whole.centres,
-        depths=view.depths(),
-        in_front=None,
-        supports=view.supports(),
-        domain=view.whole.domain,
-        filled=view.whole.is_filled,
-    )
-    renderer = renderer_of(view.settings, "wholes").native
+    native = Scene.of_checked([((field,), view.transfer_function)], view.options).native
+    native = view.part(native, EVERYWHERE, view.depths, supports=view.supports)
+    renderer = renderer_of(view.settings, "wholes")
     return view.replace(light=renderer.plan_light(native, view.camera.native, size=view.size))
 
 
-def pieces_of(
-    view: BrickView, number: int, field: Field, renderer: Renderer, progress: Progress | None = None
-) -> LightPieces:
+def pieces_of(view: BrickView, source: Any, number: int) -> LightPieces:
     """Return what a brick holds of the grids of a view.
 
     Raises
@@ -101,14 +87,14 @@ def pieces_of(
     InvalidInput, Unsupported, OutOfMemory, Cancelled
         As `Renderer.render`.
     """
-    native = native_part(view, number, field, view.depths())
-    found = renderer.native.light_pieces(
-        native, view.camera.native, size=view.size, light=view.light, progress=progress
+    native = native_part(view, number, field_of(source, view, number), view.depths)
+    found = renderer_of(view.settings).light_pieces(
+        native, view.camera.native, size=view.size, light=view.light, progress=asked()
     )
     return {grid: Piece(first, values) for grid, first, values in found}
 
 
-def merged_pieces(parts: Iterable[LightPieces]) -> LightPieces:
+def merged_pieces(_: Any, *parts: LightPieces) -> LightPieces:
     """Return what several bricks hold together."""
     boxes: dict[int, list[Piece]] = {}
     for part in parts:
@@ -120,25 +106,16 @@ def merged_pieces(parts: Iterable[LightPieces]) -> LightPieces:
 def _joined(pieces: list[Piece]) -> Piece:
     if len(pieces) == 1:
         return pieces[0]
-    first = reduce(_least, (piece.first for piece in pieces))
-    last = reduce(_most, (piece.last for piece in pieces))
-    values = np.zeros([end - start for start, end in zip(first, last, strict=True)], np.float32)
+    starts = np.array([piece.first for piece in pieces])
+    w, v, u = starts.min(axis=0).tolist()
+    ends = starts + [piece.values.shape for piece in pieces]
+    values = np.zeros(ends.max(axis=0) - (w, v, u), np.float32)
     for piece in pieces:
-        piece.add_to(values, first)
-    return Piece(first, values)
+        piece.add_to(values, (w, v, u))
+    return Piece((w, v, u), values)
 
 
-def _least(one: tuple[int, int, int], other: tuple[int, int, int]) -> tuple[int, int, int]:
-    return min(one[0], other[0]), min(one[1], other[1]), min(one[2], other[2])
-
-
-def _most(one: tuple[int, int, int], other: tuple[int, int, int]) -> tuple[int, int, int]:
-    return max(one[0], other[0]), max(one[1], other[1]), max(one[2], other[2])
-
-
-def light_volumes(
-    view: BrickView, parts: Iterable[LightPieces], renderer: Renderer, progress: Progress | None = None
-) -> LightVolumes:
+def light_volumes(view: BrickView, *parts: LightPieces) -> LightVolumes:
     """Return the light volumes of a view.
 
     Parameters
@@ -147,8 +124,6 @@ def light_volumes(
         The picture, as `planned_light` returns it.
     parts
         What all bricks hold, always in the same order.
-    renderer, progress
-        As for `Renderer.render`.
 
     Raises
     ------
@@ -159,44 +134,34 @@ def light_volumes(
     for part in parts:
         for number, piece in part.items():
             piece.add_to(grids[number], (0, 0, 0))
-    return renderer.native.light_volumes(view.light, grids, progress=progress)
+    made: LightVolumes = renderer_of(view.settings).light_volumes(view.light, grids, progress=asked())
+    return made
 
 
-def light_of(
-    view: BrickView,
-    numbers: Iterable[int],
-    field_of: Callable[[int], Field | None],
-    renderer: Renderer,
-    progress: Progress | None = None,
-) -> LightVolumes | None:
-    """Return the light volumes of a view, made brick after brick in this process; None where it needs none.
+def light_of(tasks: Tasks, view: BrickView, key: Any, dimming: Sequence[int]) -> tuple[Any, int]:
+    """Return what makes the light volumes of a picture, None where it needs none, and of how many bricks.
 
     Parameters
     ----------
+    tasks
+        Of the picture.
     view
         The picture, as `planned_light` returns it.
-    numbers
+    key
+        The same for the same samples or kernels: the volumes of the last picture may do.
+    dimming
         The bricks that may dim light.
-    field_of
-        Makes the field of a brick, as for `render_bricks`.
-    renderer, progress
-        As for `Renderer.render`.
-
-    Raises
-    ------
-    InvalidInput, Unsupported, OutOfMemory, Cancelled
-        As `Renderer.render`.
     """
     if view.light is None:
-        return None
+        return None, 0
 
-    def parts() -> Iterator[LightPieces]:
-        for number in numbers if view.light.shapes else ():
-            field = field_of(number)
-            if field is not None:
-                yield pieces_of(view, number, field, renderer, progress)
+    def make() -> Any:
+        pieces = [tasks.place("light-brick", pieces_of, number) for number in dimming if view.light.shapes]
+        merged = tasks.merged("merge-light", merged_pieces, pieces, MERGED)
+        return tasks.anywhere("make-light", light_volumes, *merged)
 
-    return light_volumes(view, parts(), renderer, progress)
+    light, is_new = tasks.kept(light_key(view, key), make)
+    return light, len(dimming) if is_new else 0
 
 
 def light_key(view: BrickView, key: Any) -> bytes:

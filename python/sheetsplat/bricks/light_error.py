@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,19 +17,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat._sheetsplat import LightVolumes, probe_pixels
+from sheetsplat._waiting import asked
 from sheetsplat.bricks.draw import native_part
+from sheetsplat.bricks.light import light_of
+from sheetsplat.bricks.needs import dimming_bricks, field_of, shown_bricks, source_key
+from sheetsplat.bricks.partition import MERGED
+from sheetsplat.bricks.resident import renderer_of
+from sheetsplat.bricks.tasks import Tasks
 from sheetsplat.bricks.view import BrickView
-from sheetsplat.fields import Field
+from sheetsplat.fields import Bricked
 from sheetsplat.options.renderer import Progress
-from sheetsplat.renderer import Renderer
 
 Floats = NDArray[np.float64]
 
 #: Measures shadows and ambient occlusion, root mean square errors, of a picture with some opacities, (h, w).
 Measure = Callable[[NDArray[np.float32], "Progress | None"], tuple[float, float]]
 
-# Columns of tables of spots (`LightSpot` of the native part).
+# Columns of tables of spots (`LightSpot` of the native part); after these the brick that each is in; and of those that
+# were chosen what each stands for in its pixel, twice, by chances of their own.
 _NUMBER, _SLICE, _BEHIND, _SHARE, _CHANCES, _OCCLUSION, _OWN, _COLUMNS = 0, 1, 2, 7, [8, 9], 10, 11, 12
+_BRICK, _SHARES = 12, slice(13, 15)
 # Red, green and blue that a light adds at most, and how much of it is shown.
 _SHOWN = 4
 # Points of a pixel in a brick that are handed on: of more, some stand for all.
@@ -74,25 +81,6 @@ class Probes:
 
 
 @dataclass(frozen=True, eq=False)
-class Spots:
-    """Points that pixels show.
-
-    Attributes
-    ----------
-    table
-        A row a point.
-    bricks
-        The brick that each is in.
-    shares
-        Of the points that were chosen, (K, 2): what each stands for in its pixel, twice, by chances of their own.
-    """
-
-    table: Floats
-    bricks: NDArray[np.int64]
-    shares: Floats | None = None
-
-
-@dataclass(frozen=True, eq=False)
 class Lines:
     """What bricks leave of light on lines from points.
 
@@ -115,17 +103,33 @@ class Lines:
     shown: Floats
 
 
-def spots_of(
-    view: BrickView, number: int, field: Field, renderer: Renderer, light: LightVolumes, probes: Probes,
-    progress: Progress | None = None,
-) -> Spots:  # fmt: skip
-    """Return what a brick shows at pixels; raises what `draw_brick` does."""
-    native = native_part(view, number, field, view.depths(), light=light)
-    table = renderer.native.light_spots(
-        native, view.camera.native, size=view.size, numbers=list(probes.numbers), progress=progress
+def measured_light(tasks: Tasks, view: BrickView, field: Bricked, opacity: NDArray[np.float32]) -> Any:
+    """Return what measures light in a picture with some opacities: see `Measure`."""
+    shown, dimming = shown_bricks(field, view), dimming_bricks(field, view)
+    light, _ = light_of(tasks, view, source_key(field), dimming)
+    probes = Probes.of(view, opacity)
+    given = tasks.anywhere("plan", given_to_all, probes)
+    spots = [tasks.place("light-spots", spots_of, number, light, given) for number in shown]
+    some = tasks.merged("merge-spots", merged_spots, spots, MERGED)
+    chosen = tasks.anywhere("choose-spots", chosen_spots, given, *some)
+    lines = [tasks.place("light-lines", lines_of, number, light, chosen) for number in sorted({*shown, *dimming})]
+    merged = tasks.merged("merge-lines", merged_lines, lines, MERGED)
+    return tasks.anywhere("measure-light", errors_of, given, chosen, *merged)
+
+
+def given_to_all(_: BrickView, value: Any) -> Any:
+    """Return what many tasks take, which is sent once."""
+    return value
+
+
+def spots_of(view: BrickView, source: Any, number: int, light: LightVolumes, probes: Probes) -> Floats:
+    """Return a table of what a brick shows at pixels; raises what `draw_brick` does."""
+    native = native_part(view, number, field_of(source, view, number), view.depths, light=light)
+    table = renderer_of(view.settings).light_spots(
+        native, view.camera.native, size=view.size, numbers=list(probes.numbers), progress=asked()
     )
     table = _thinned(table)
-    return Spots(table, np.full(len(table), number, np.int64))
+    return np.column_stack((table, np.full(len(table), number)))
 
 
 def _runs(numbers: NDArray[Any]) -> Iterator[tuple[int, int]]:
@@ -147,32 +151,26 @@ def _thinned(table: Floats) -> Floats:
     return np.concatenate(kept) if kept else table
 
 
-def merged_spots(parts: Iterable[Spots]) -> Spots:
+def merged_spots(_: Any, *parts: Floats) -> Floats:
     """Return the points of several bricks."""
-    found = [Spots(np.zeros((0, _COLUMNS)), np.zeros(0, np.int64)), *parts]
-    return Spots(np.concatenate([one.table for one in found]), np.concatenate([one.bricks for one in found]))
+    return np.concatenate([np.zeros((0, _COLUMNS + 1)), *parts])
 
 
-def chosen_spots(view: BrickView, probes: Probes, spots: Spots) -> Spots:
+def chosen_spots(view: BrickView, probes: Probes, *parts: Floats) -> Floats:
     """Return points at equal steps of what they add to their pixels, of those of all bricks."""
-    table, bricks = spots.table, spots.bricks
-    order = np.lexsort((table[:, _SLICE] + table[:, _BEHIND], table[:, _NUMBER]))
-    table, bricks = table[order], bricks[order]
-    rows, shares = [], []
+    table = merged_spots(view, *parts)
+    table = table[np.lexsort((table[:, _SLICE] + table[:, _BEHIND], table[:, _NUMBER]))]
+    chosen = [np.zeros((0, _SHARES.stop))]
     for first, last in _runs(table[:, _NUMBER]):
-        seen = _shares_of(table[first:last, _SHARE], bricks[first:last], float(view.options["opacity_stop"]))
+        seen = _shares_of(table[first:last, _SHARE], table[first:last, _BRICK], float(view.options["opacity_stop"]))
         step = 2.0 * seen.sum() / probes.points
         taken = np.stack([_steps_of(seen, step, chance) for chance in table[first, _CHANCES].tolist()], axis=1)
         there = np.flatnonzero(taken.any(axis=1))
-        rows.append(first + there)
-        shares.append(taken[there])
-    if not rows:
-        return Spots(table[:0], bricks[:0], np.zeros((0, 2)))
-    at = np.concatenate(rows)
-    return Spots(table[at], bricks[at], np.concatenate(shares))
+        chosen.append(np.concatenate((table[first + there], taken[there]), axis=1))
+    return np.concatenate(chosen)
 
 
-def _shares_of(shares: Floats, bricks: NDArray[np.int64], stop: float) -> Floats:
+def _shares_of(shares: Floats, bricks: Floats, stop: float) -> Floats:
     """Return what points of a pixel, from front to back, add to it; those behind the stop add nothing."""
     found = shares.copy()
     left = 1.0
@@ -193,19 +191,19 @@ def _steps_of(shares: Floats, step: float, chance: float) -> Floats:
     return found
 
 
-def lines_of(
-    view: BrickView, number: int, field: Field, renderer: Renderer, light: LightVolumes, chosen: Spots,
-    progress: Progress | None = None,
-) -> Lines:  # fmt: skip
+def lines_of(view: BrickView, source: Any, number: int, light: LightVolumes, chosen: Floats) -> Lines:
     """Return what a brick leaves of light on lines from points; raises what `draw_brick` does."""
-    native = native_part(view, number, field, view.depths(), light=light)
-    table = chosen.table.copy()
-    table[:, _OWN] = chosen.bricks == number
-    found = renderer.native.light_lines(native, view.camera.native, size=view.size, spots=table, progress=progress)
-    return Lines(*found)
+    native = native_part(view, number, field_of(source, view, number), view.depths, light=light)
+    table = chosen[:, :_COLUMNS].copy()
+    table[:, _OWN] = chosen[:, _BRICK] == number
+    return Lines(
+        *renderer_of(view.settings).light_lines(
+            native, view.camera.native, size=view.size, spots=table, progress=asked()
+        )
+    )
 
 
-def merged_lines(parts: Iterable[Lines]) -> Lines:
+def merged_lines(_: Any, *parts: Lines) -> Lines:
     """Return what several bricks leave together."""
     first, *others = parts
     for one in others:
@@ -214,28 +212,27 @@ def merged_lines(parts: Iterable[Lines]) -> Lines:
     return first
 
 
-def errors_of(probes: Probes, chosen: Spots, parts: Iterable[Lines]) -> tuple[float, float]:
+def errors_of(view: BrickView, probes: Probes, chosen: Floats, *parts: Lines) -> tuple[float, float]:
     """Return root mean square errors of shadows and of ambient occlusion over the picture, of what all bricks leave."""
-    if not len(chosen.table):
+    if not len(chosen):
         return 0.0, 0.0
-    assert chosen.shares is not None
-    lines = merged_lines(parts)
+    lines = merged_lines(view, *parts)
     left = 2.0**-lines.left if lines.is_absorbed else lines.left
     lights = lines.lights
     shown = lines.shown.reshape(len(left), -1, _SHOWN)
     bright = shown[:, :lights, :3] * (shown[:, :lights, 3] - left[:, :lights])[:, :, None]
     shadows = bright.sum(axis=1)
-    numbers, pixel = np.unique(chosen.table[:, _NUMBER], return_inverse=True)
+    numbers, pixel = np.unique(chosen[:, _NUMBER], return_inverse=True)
     occlusion = np.zeros_like(shadows)
     if shown.shape[1] > lights:
-        asked = chosen.table[:, _OCCLUSION] > 0.0
+        asked = chosen[:, _OCCLUSION] > 0.0
         off = shown[:, lights, 3] - left[:, lights:].mean(axis=1)
         occlusion = np.where(asked[:, None], shown[:, lights, :3] * off[:, None], 0.0)
 
     def halves(colors: Floats) -> tuple[Floats, Floats]:
         one, other = np.zeros((2, len(numbers), 3))
-        np.add.at(one, pixel, chosen.shares[:, :1] * colors)  # type: ignore[index]
-        np.add.at(other, pixel, chosen.shares[:, 1:] * colors)  # type: ignore[index]
+        for made, share in zip((one, other), chosen[:, _SHARES].T, strict=True):
+            np.add.at(made, pixel, share[:, None] * colors)
         return one, other
 
     beside = numbers % probes.every == 0

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import lru_cache, singledispatch
 from typing import Any
 
 import numpy as np
 
-from sheetsplat.bricks.draw import renderer_of
-from sheetsplat.bricks.kernel_source import KernelSource
+from sheetsplat.bricks.kernel_source import KernelSource, supports_of
 from sheetsplat.bricks.lattice import Box, LatticeSpec
 from sheetsplat.bricks.level_choice import level_of
 from sheetsplat.bricks.levels import lattices_of
-from sheetsplat.bricks.partition import Partition, partition_lattice
-from sheetsplat.bricks.resident import residents
+from sheetsplat.bricks.partition import EVERYWHERE, Partition, partition_lattice
+from sheetsplat.bricks.resident import renderer_of, residents
 from sheetsplat.bricks.sources import BrickSource
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.bricks.whole import Whole
 from sheetsplat.camera import Camera
 from sheetsplat.choose.asked import allowed_error
 from sheetsplat.errors import Unsupported, complain
-from sheetsplat.fields import BrickedField, BrickedKernels, Field, RegularField
+from sheetsplat.fields import Bricked, BrickedField, BrickedKernels, Field, RegularField
 from sheetsplat.limits import Depths
 from sheetsplat.plan import RenderPlan
 from sheetsplat.scene import Scene
@@ -31,9 +30,9 @@ from sheetsplat.supersampling import fine_depths, fine_size
 _LARGER = 1.05
 
 
-def bricked_field(scene: Scene) -> BrickedField | BrickedKernels | None:
+def bricked_field(scene: Scene) -> Bricked | None:
     """Return the field of a scene where it is in bricks, None for other scenes; Unsupported where there are others."""
-    found = [one for one in scene.fields if isinstance(one, BrickedField | BrickedKernels)]
+    found = [one for one in scene.fields if isinstance(one, Bricked)]
     if not found:
         return None
     if len(scene.fields) > 1:
@@ -60,7 +59,7 @@ def one_backend(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def view_of(
-    field: BrickedField | BrickedKernels,
+    field: Bricked,
     scene: Scene,
     camera: Camera,
     size: tuple[int, int],
@@ -75,7 +74,14 @@ def view_of(
     Unsupported
         For effects that cannot be drawn in bricks, before anything is read.
     """
-    lattice, partition, whole = _cut(field)
+    if isinstance(field, BrickedField):
+        lattice = LatticeSpec.of(field)
+        partition = partition_of(lattice, field.brick)
+        whole = Whole.of_lattice(lattice, _factors(field, field.value_range), field.centre_bounds)
+    else:
+        source = _kernels(field.source)
+        partition = source.partition
+        whole = Whole.of_bricks(field, supports_of(source.segments, len(partition)), source.longest)
     view = BrickView.of(
         partition,
         whole,
@@ -86,27 +92,15 @@ def view_of(
         outputs,
         fine_depths(depth_limit, scene.supersampling),
         one_backend(settings),
-        lattice,
     )
-    if lattice is None or not isinstance(field.source, BrickSource) or not field.source.coarser:
+    if whole.lattice is None or not isinstance(field.source, BrickSource) or not field.source.coarser:
         return view
     quality = "good" if scene.quality is None else scene.quality.name
     return view.replace(
-        levels=tuple(lattices_of(field.source, lattice)),
+        levels=tuple(lattices_of(field.source, whole.lattice)),
         allowed=allowed_error(quality),
         largest_sample=max(map(abs, field.value_range)),
     )
-
-
-def _cut(field: BrickedField | BrickedKernels) -> tuple[LatticeSpec | None, Partition, Whole]:
-    """Return the lattice of a volume, the bricks, and what they share."""
-    if isinstance(field, BrickedField):
-        lattice = LatticeSpec.of(field)
-        whole = Whole.of_lattice(lattice, _factors(field, field.value_range), field.centre_bounds)
-        return lattice, partition_of(lattice, field.brick), whole
-    source = _kernels(field.source)
-    supports = source.segments.supports(len(source.partition))
-    return None, source.partition, Whole.of_bricks(field, supports, source.longest)
 
 
 def _kernels(source: Any) -> KernelSource:
@@ -124,12 +118,12 @@ def _factors(field: BrickedField, values: tuple[float, float]) -> tuple[float, f
     return middle - half, middle + half
 
 
-def source_key(field: BrickedField | BrickedKernels) -> Any:
+def source_key(field: Bricked) -> Any:
     """Return what is the same for the same samples or kernels."""
     return (field.source if isinstance(field.source, BrickSource) else _kernels(field.source)).key
 
 
-def may_show(field: BrickedField | BrickedKernels, view: BrickView, number: int) -> bool:
+def may_show(field: Bricked, view: BrickView, number: int) -> bool:
     """Return whether a brick can add anything to a picture, by the ranges of all samples that it depends on."""
     if view.footprint(number) is None:
         return False
@@ -137,13 +131,20 @@ def may_show(field: BrickedField | BrickedKernels, view: BrickView, number: int)
     return found is not None and view.may_show(found)
 
 
-def may_dim(field: BrickedField | BrickedKernels, view: BrickView, number: int) -> bool:
-    """Return whether a brick, seen or not, can dim light that passes it."""
-    found = _range_of(field, view, number)
-    return found is not None and view.may_dim(found)
+def shown_bricks(field: Bricked, view: BrickView) -> list[int]:
+    """Return the bricks that can add anything to a picture, from front to back."""
+    return [number for number in view.order() if may_show(field, view, number)]
 
 
-def _range_of(field: BrickedField | BrickedKernels, view: BrickView, number: int) -> tuple[float, float] | None:
+def dimming_bricks(field: Bricked, view: BrickView) -> list[int]:
+    """Return the bricks that can dim light in a picture; none where none of it is dimmed."""
+    if view.light is None:
+        return []
+    ranges = ((number, _range_of(field, view, number)) for number in range(len(view.partition)))
+    return [number for number, found in ranges if found is not None and view.may_dim(found)]
+
+
+def _range_of(field: Bricked, view: BrickView, number: int) -> tuple[float, float] | None:
     """Return bounds of the factors of all kernels that reach a brick; None: there are none."""
     if isinstance(field, BrickedKernels):
         found = _kernels(field.source).value_range(number, view.margin(number))
@@ -165,15 +166,20 @@ def factors_in(field: BrickedField, samples: Box) -> tuple[float, float]:
     return _factors(field, (float(np.nanmin(ranges[:, 0])), float(np.nanmax(ranges[:, 1]))))
 
 
-def field_of(source: BrickSource | KernelSource, view: BrickView, number: int) -> Field:
+@singledispatch
+def field_of(source: Any, view: BrickView, number: int) -> Field:
     """Return the field of a brick for a picture; what it is made of stays in this process while it fits."""
     residents().begin(view)
-    if isinstance(source, KernelSource):
-        low, high = view.whole.value_range
-        return residents().kernels(source, number, view.margin(number), (low + view.whole.base, high + view.whole.base))
     level = level_of(view, number, source.key, lambda level: _field_at(source, view, number, level))
     residents().counts.coarse += level > 0
     return _field_at(source, view, number, level)
+
+
+@field_of.register
+def _(source: KernelSource, view: BrickView, number: int) -> Field:
+    residents().begin(view)
+    low, high = view.whole.value_range
+    return residents().kernels(source, number, view.margin(number), (low + view.whole.base, high + view.whole.base))
 
 
 def _field_at(source: BrickSource, view: BrickView, number: int, level: int) -> RegularField:
@@ -196,20 +202,9 @@ def planned(scene: Scene, view: BrickView) -> tuple[BrickView, RenderPlan]:
     native = scene.native
     if view.depth_limit is not None:
         native = native.with_depth_limit(view.depth_limit)
-    everywhere = ((-np.inf,) * 3, (np.inf,) * 3)
-    native = native.with_part(
-        cell=everywhere,
-        centres=view.whole.centres,
-        depths=view.whole.depths(view.camera),
-        in_front=None,
-        supports=view.supports(),
-        domain=view.whole.domain,
-        filled=view.whole.is_filled,
-    )
+    native = view.part(native, EVERYWHERE, view.whole.depths(view.camera), supports=view.supports)
     also = {name: name in view.outputs for name in ("coverage", "depth")}
-    plan = renderer_of(view.settings, "wholes").native.plan(
-        scene=native, camera=view.camera.native, size=view.size, **also
-    )
+    plan = renderer_of(view.settings, "wholes").plan(scene=native, camera=view.camera.native, size=view.size, **also)
     if plan.precision == "float64":
         view = view.replace(settings={**view.settings, "precision": "float64"})
     return view, RenderPlan.of_native(plan, scene.notes, scene.quality, scene.supersampling)

@@ -9,16 +9,19 @@ from typing import Any, Unpack
 import numpy as np
 
 from sheetsplat._checks import check_progress, choice, is_off, truth, whole
-from sheetsplat._waiting import ask, asking, counted, note, part
+from sheetsplat._waiting import ask, asking, note, part
+from sheetsplat.bricks.cluster import each
 from sheetsplat.bricks.kernel_pieces import KERNELS, READING, pieces_of
 from sheetsplat.bricks.lattice import PREFILTER_MARGIN, LatticeSpec
-from sheetsplat.bricks.levels import LevelStore, coarsen_brick, most_levels
+from sheetsplat.bricks.levels import coarsen_brick, most_levels
 from sheetsplat.bricks.levels import levels_of as coarse_levels
 from sheetsplat.bricks.opening_kernels import open_kernels
 from sheetsplat.bricks.partition import Partition, partition_lattice
 from sheetsplat.bricks.prober import BrickProber
 from sheetsplat.bricks.sources import BrickSource, open_source
 from sheetsplat.bricks.statistics import Survey, SurveyPlan, first_sample, merge_surveys, survey_of
+from sheetsplat.bricks.store import FileStore
+from sheetsplat.bricks.tasks import nothing
 from sheetsplat.bricks.workers import look_after
 from sheetsplat.choose.asked import Asked
 from sheetsplat.choose.kernels import with_own_kernel
@@ -28,7 +31,7 @@ from sheetsplat.fields.regular import narrowest
 from sheetsplat.io.axes import tell_units
 from sheetsplat.io.kernels import log_base
 from sheetsplat.options.bricks import OpenBricksOptions, cluster_of, edge_of, folder_of, kernels_of, levels_of
-from sheetsplat.options.core import check_names, definitions, documented
+from sheetsplat.options.core import check_names, definitions, documented, filled
 from sheetsplat.options.data import KernelOptions, PlacementOptions
 from sheetsplat.options.quality import QUALITIES
 
@@ -93,29 +96,27 @@ def open_bricks(path_or_array: Any, **options: Unpack[OpenBricksOptions]) -> Bri
 
 def _opened(path_or_array: Any, options: OpenBricksOptions) -> BrickedField | BrickedKernels:
     given: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
-    brick = edge_of("open_bricks: brick", given.pop("brick", definitions(OpenBricksOptions)["brick"].default))
-    most = kernels_of(
-        "open_bricks: brick_kernels",
-        given.pop("brick_kernels", definitions(OpenBricksOptions)["brick_kernels"].default),
+    own = filled(OpenBricksOptions, given)
+    cut = _Cut(
+        edge_of("open_bricks: brick", own["brick"]),
+        levels_of("open_bricks: levels", own["levels"]),
+        folder_of("open_bricks: scratch", own["scratch"]),
     )
-    levels = levels_of("open_bricks: levels", given.pop("levels", definitions(OpenBricksOptions)["levels"].default))
-    scratch = folder_of("open_bricks: scratch", given.pop("scratch", None))
-    client = cluster_of("open_bricks: client", given.pop("client", None))
-    look_after("open_bricks", client, given.pop("worker_timeout", None))
-    given.pop("progress", None)
-    switched = ("log", "offset", "resample")
-    given = {name: value for name, value in given.items() if name not in switched or not is_off(value)}
+    most = kernels_of("open_bricks: brick_kernels", own["brick_kernels"])
+    client = cluster_of("open_bricks: client", own["client"])
+    look_after("open_bricks", client, given.get("worker_timeout"))
+    off = [name for name in ("log", "offset", "resample") if is_off(given.get(name))]
+    given = {name: value for name, value in given.items() if name not in (*_OWN, *off)}
     pieces = pieces_of(path_or_array, given, client)
     if pieces is not None:
-        _refuse({"levels": levels} if levels else {}, ("levels",), "kernels")
+        _refuse({"levels": cut.levels} if cut.levels else {}, ("levels",), "kernels")
         _refuse(given, [name for name in given if name not in (*READING, *KERNELS, "log", "quality")], "kernels")
         made_of = {name: value for name, value in given.items() if name != "quality"}
-        return open_kernels(pieces, most, scratch, client, given).opened_with(made_of)
+        return open_kernels(pieces, most, cut.scratch, client, given).opened_with(made_of)
     _refuse(given, _REFUSED, "volumes")
     if "offset" in given:
         given["offset"] = whole("open_bricks: offset", given["offset"])
     source = open_source(path_or_array, {name: given[name] for name in _SAMPLES if name in given})
-    cut = _Cut(brick, levels, scratch)
     field = _field(source, cut, client, given)
     asked = Asked.of("open_bricks", {name: value for name, value in options.items() if name not in _OWN})
     made = with_own_kernel(field.probed_by(BrickProber.of(client)), asked)
@@ -156,16 +157,12 @@ def _with_levels(source: BrickSource, cut: _Cut, partition: Partition, client: A
             "pass " + option_ref("brick", "256"),
             option="levels",
         )
-    store = LevelStore.new(cut.scratch, cut.brick)
+    store = FileStore.new(cut.scratch, "coarser levels", "a seventh of the samples in float32")
     with part(_SURVEY, 1.0):
-        if client is None:
-            for number in counted(len(partition)):
-                coarsen_brick(source, partition, number, store, cut.levels)
-        else:
-            from sheetsplat.bricks.cluster import coarsen
-
-            coarsen(client, source, partition, store, cut.levels)
-    return source.replace(coarser=coarse_levels(source, store, cut.levels))
+        shared = (partition, cut.brick, cut.levels, store)
+        task, merge = ("coarsen-brick", coarsen_brick), ("merge-levels", nothing)
+        each(client, source, shared, len(partition), task, merge, partition)
+    return source.replace(coarser=coarse_levels(source, store, cut.brick, cut.levels))
 
 
 def _field(source: BrickSource, cut: _Cut, client: Any, given: Mapping[str, Any]) -> BrickedField:
@@ -188,12 +185,8 @@ def _field(source: BrickSource, cut: _Cut, client: Any, given: Mapping[str, Any]
     around = _AROUND + (PREFILTER_MARGIN if filtered else 0)
     plan = SurveyPlan.of(source.shape, lattice, around, first_sample(source))
     with part(0.0, _SURVEY if cut.levels else 1.0):
-        if client is None:
-            found = merge_surveys([survey_of(source, partition, one, plan) for one in counted(len(partition))])
-        else:
-            from sheetsplat.bricks.cluster import survey
-
-            found = survey(client, source, partition, plan)
+        task, merge = ("survey-brick", survey_of), ("merge-surveys", merge_surveys)
+        found = each(client, source, (partition, plan), len(partition), task, merge, partition, "drawn")
     cores = [one.samples for one in partition.bricks if one.samples is not None]
     known = Survey.of(source, found, cores, plan)
     if known.missing and given.get("nan", "error") == "error":

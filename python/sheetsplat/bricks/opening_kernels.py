@@ -1,32 +1,132 @@
-"""`open_bricks` of scattered data: kernels are sorted into bricks once, and read from there when a picture asks."""
+"""`open_bricks` of scattered data: kernels are sorted into bricks once, and read from there when a picture asks.
+
+Of all kernels it is first found, piece by piece, what looks and bricks need to know of them: a sample, and ranges.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from sheetsplat._waiting import counted, part
-from sheetsplat.bricks.kernel_pieces import FieldPieces, Pieces
-from sheetsplat.bricks.kernel_source import FileStore, KernelSource, MemoryStore, Segments, Store
-from sheetsplat.bricks.kernel_survey import (
-    KernelSurvey,
-    merge_kernel_surveys,
-    sample_of,
-    sorted_piece,
-    stride_of,
-    survey_of,
-)
+from sheetsplat._checks import Bounds
+from sheetsplat._waiting import part
+from sheetsplat.bricks.cluster import each
+from sheetsplat.bricks.kernel_pieces import Pieces
+from sheetsplat.bricks.kernel_source import KernelSource, Table, field_of_table, joined_segments, sort_piece, table_of
 from sheetsplat.bricks.partition import Partition, partition_points
-from sheetsplat.fields import BrickedKernels, KernelFacts
+from sheetsplat.bricks.readers import refused
+from sheetsplat.bricks.store import FileStore, MemoryStore, Store
+from sheetsplat.errors import complain
+from sheetsplat.fields import BrickedKernels, EllipsoidField, KernelFacts, joined_bounds
 from sheetsplat.io.kernels import log_base
 
 # Rows of a segment: fewer where there are few kernels, so that neighbours do not read whole bricks.
 _LEAST_ROWS, _MOST_ROWS = 256, 1 << 16
 _SEGMENTS = 1 << 18
+# Kernels in the sample, at most: all look statistics count no more than some millions of positions.
+_SAMPLE = 500_000
+
+
+@dataclass(frozen=True, eq=False)
+class KernelSurvey:
+    """What is known of the kernels of some pieces.
+
+    Attributes
+    ----------
+    template
+        A field without kernels that has their options.
+    count
+        Of kernels.
+    centres, supports
+        Boxes around centres, and around supports.
+    value_range, longest
+        Smallest and largest value, largest semi-axis.
+    sample
+        Table of every n-th kernel.
+    ends
+        Table of kernels with the outermost centres.
+    """
+
+    template: EllipsoidField
+    count: int
+    centres: Bounds
+    supports: Bounds
+    value_range: tuple[float, float]
+    longest: float
+    sample: Table
+    ends: Table
+
+
+def survey_of(shared: tuple[int, str], pieces: Pieces, number: int) -> KernelSurvey:
+    """Return what is known of one piece; `shared`: the stride, and the name of all pieces."""
+    field, (stride, _) = pieces.read(number), shared
+    if field.size != pieces.counts[number]:
+        found, wanted = f"{field.size} rows in piece {number}", f"{pieces.counts[number]}, as when it was opened"
+        raise complain(f"{pieces.name} cannot be read", found, wanted)
+    table = table_of(field)
+    return KernelSurvey(
+        field_of_table(table[:0], field, (0.0, 0.0)),
+        field.size,
+        field.centre_bounds,
+        field.bounds,
+        field.value_range,
+        float(field.scales.max()),
+        table[-sum(pieces.counts[:number]) % stride :: stride],
+        _outermost(table),
+    )
+
+
+def _outermost(table: Table) -> Table:
+    """Return the kernels of a table with the outermost centres."""
+    centers = table["center"]
+    found: Table = table[np.unique(np.concatenate((centers.argmin(axis=0), centers.argmax(axis=0))))]
+    return found
+
+
+def merge_kernel_surveys(shared: tuple[int, str], *parts: KernelSurvey) -> KernelSurvey:
+    """Return what is known of the kernels of several surveys, which are in the order of the pieces.
+
+    Raises
+    ------
+    InvalidInput
+        For pieces with other columns, or other options.
+    """
+    first = parts[0]
+    for one in parts[1:]:
+        if one.sample.dtype != first.sample.dtype or one.template != first.template:
+            raise refused(
+                shared[1],
+                f"pieces that are not alike: {_told(first)}, and {_told(one)}",
+                "the same kinds of kernels everywhere",
+            )
+    lows, highs = zip(*(one.value_range for one in parts), strict=True)
+    return replace(
+        first,
+        count=sum(one.count for one in parts),
+        centres=joined_bounds([one.centres for one in parts]),
+        supports=joined_bounds([one.supports for one in parts]),
+        value_range=(min(lows), max(highs)),
+        longest=max(one.longest for one in parts),
+        sample=np.concatenate([one.sample for one in parts]),
+        ends=_outermost(np.concatenate([one.ends for one in parts])),
+    )
+
+
+def _told(one: KernelSurvey) -> str:
+    kinds = "spheres" if one.sample["axes"].shape[1] == 1 else "ellipsoids"
+    weights = "with weights" if "weight" in (one.sample.dtype.names or ()) else "without weights"
+    return f"{kinds} {weights}, falloff {one.template.falloff:g}, normalization {one.template.normalization}"
+
+
+def sample_of(found: KernelSurvey, stride: int) -> EllipsoidField:
+    """Return the field of the sample: with a stride those with the outermost centres too, by which slices are set."""
+    table = found.sample if stride == 1 else np.concatenate((found.sample, found.ends))
+    return field_of_table(table, found.template, found.value_range)
 
 
 def open_kernels(
@@ -57,20 +157,16 @@ def open_kernels(
     Error
         Where sorted kernels cannot be kept.
     """
-    if isinstance(pieces, FieldPieces):
+    if pieces.in_memory:
         # They are here already, and are sent to workers once.
         client = None
-    stride = stride_of(sum(pieces.counts))
+    # Of so many kernels one is in the sample.
+    stride = max(1, -(-sum(pieces.counts) // _SAMPLE))
     with part(0.0, 0.5):
-        if client is None:
-            counts = len(pieces.counts)
-            found = merge_kernel_surveys([survey_of(pieces, n, stride) for n in counted(counts)], pieces.name)
-        else:
-            from sheetsplat.bricks.cluster import survey_kernels
-
-            found = survey_kernels(client, pieces, stride)
+        task, merge = ("survey-kernels", survey_of), ("merge-surveys", merge_kernel_surveys)
+        found: KernelSurvey = each(client, pieces, (stride, pieces.name), len(pieces.counts), task, merge)
     sample = sample_of(found, stride)
-    partition = partition_points(found.sample[:, :3], math.ceil(found.count / most))
+    partition = partition_points(found.sample["center"], math.ceil(found.count / most))
     with part(0.5, 1.0):
         segments, store = _sorted(pieces, found, partition, scratch, client)
     facts = KernelFacts(
@@ -85,7 +181,9 @@ def open_kernels(
     one = found.template
     told = (pieces.token, most, one.normalization, one.falloff, one.w0, one.cell_volume, one.base)
     token = hashlib.blake2b(repr(told).encode(), digest_size=12).hexdigest()
-    source = KernelSource(pieces.name, token, found.template, found.columns, store, segments, partition, found.longest)
+    source = KernelSource(
+        pieces.name, token, found.template, found.sample.dtype, store, segments, partition, found.longest
+    )
     field = BrickedKernels.of(sample, source, facts)
     if "log" not in given:
         return field
@@ -96,13 +194,11 @@ def open_kernels(
 
 def _sorted(
     pieces: Pieces, found: KernelSurvey, partition: Partition, scratch: str | None, client: Any
-) -> tuple[Segments, Store]:
+) -> tuple[Table, Store]:
     rows = min(max(found.count // _SEGMENTS, _LEAST_ROWS), _MOST_ROWS)
-    store: Store = MemoryStore() if isinstance(pieces, FieldPieces) else FileStore.new(scratch)
-    if client is None:
-        every = counted(len(pieces.counts))
-        parts = [sorted_piece(pieces, number, found.columns, partition, rows, store) for number in every]
-        return Segments.joined(parts), store
-    from sheetsplat.bricks.cluster import sort_kernels
-
-    return sort_kernels(client, pieces, found.columns, partition, rows, store), store
+    store: Store = MemoryStore()
+    if not pieces.in_memory:
+        store = FileStore.new(scratch, "sorted kernels", "all kernels")
+    shared = (partition, rows, store)
+    task, merge = ("sort-kernels", sort_piece), ("merge-segments", joined_segments)
+    return each(client, pieces, shared, len(pieces.counts), task, merge, doing="sorted"), store

@@ -4,15 +4,13 @@
 order from front to back (`BrickView.nested`).
 
 There are two kinds of coloured parts. One is drawn alone, as if nothing were in front of it; parts are composited by
-*over*. The stop at an opacity and the depth at which opacity reaches one half do not follow from such parts alone:
-`behind` says where a brick has to be drawn again. The other kind is drawn behind others, of which it knows the opacity:
-colours add up, and stop and depth are exact.
+*over*. The stop at an opacity and the depth at which opacity reaches one half do not follow from such parts. The other
+kind is drawn behind others, of which it knows the opacity: colours add up, and stop and depth are exact.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,8 +20,6 @@ from sheetsplat.bricks.places import Rect
 from sheetsplat.bricks.view import BrickView
 
 Numbers = NDArray[Any]
-# Attributes of a part that are arrays.
-_ARRAYS = ("rgba", "scalar", "counts", "coverage", "depth")
 # Modes in which slices count, and a pixel without any is no number.
 _COUNTED = ("mip", "minimum", "average")
 
@@ -48,8 +44,8 @@ class Partial:
     coverage
         Sums, float64, where asked for.
     depth
-        Depths at which opacity reaches one half, float32, where asked for: infinite where it does not, NaN where it
-        does and the depth depends on what is in front.
+        Depths at which opacity reaches one half, float32, where asked for of parts behind others: infinite where it
+        does not.
     is_behind
         Whether it was drawn behind others.
     """
@@ -63,11 +59,10 @@ class Partial:
     depth: Numbers | None = None
     is_behind: bool = False
 
-    @property
-    def nbytes(self) -> int:
-        """Bytes of the arrays."""
-        arrays = (getattr(self, name) for name in _ARRAYS)
-        return sum(one.nbytes for one in arrays if one is not None)
+    def arrays(self) -> dict[str, Numbers]:
+        """Return the arrays that there are, by their names."""
+        found = {name: getattr(self, name) for name in ("rgba", "scalar", "counts", "coverage", "depth")}
+        return {name: one for name, one in found.items() if one is not None}
 
     def opacity(self, rect: Rect) -> Numbers:
         """Return the opacity in a rectangle, 0 where it has none, float32 (h, w)."""
@@ -75,37 +70,6 @@ class Partial:
         if self.rgba is not None and (both := _common(rect, self.rect)):
             found[_within(both, rect)] = self.rgba[_within(both, self.rect)][..., 3]
         return found
-
-    def behind(self, in_front: Numbers, stop: float) -> Partial | None:
-        """Return the part as it is behind others, or None where the brick has to be drawn again for that.
-
-        Parameters
-        ----------
-        in_front
-            Opacity in front of it in its rectangle, (h, w).
-        stop
-            Opacity at which a pixel is finished.
-        """
-        if self.rgba is None:
-            return replace(self, is_behind=True)
-        before = in_front.astype(np.float32)
-        left = (np.float32(1.0) - before)[..., None]
-        rgba = left * self.rgba
-        rgba[..., 3] += before
-        after = rgba[..., 3]
-        own = self.rgba[..., 3] > 0
-        open_before = before < stop
-        if stop < 1.0 and bool((own & open_before & (after >= stop)).any()):
-            return None
-        depth = self.depth
-        if depth is not None:
-            reached = own & (before < 0.5) & (after >= 0.5)
-            if bool((reached & (before > 0)).any()):
-                return None
-            depth = np.where(reached & open_before, depth, np.float32(np.inf))
-        rgba[..., :3][~open_before] = 0.0
-        rgba[..., 3] = np.where(open_before, after, before)
-        return replace(self, rgba=rgba, depth=depth, is_behind=True)
 
 
 def empty(view: BrickView) -> Partial:
@@ -134,15 +98,6 @@ def _common(first: Rect, second: Rect) -> Rect | None:
     return (x0, y0, x1, y1) if x0 < x1 and y0 < y1 else None
 
 
-def _around(first: Rect, second: Rect) -> Rect:
-    return (
-        min(first[0], second[0]),
-        min(first[1], second[1]),
-        max(first[2], second[2]),
-        max(first[3], second[3]),
-    )
-
-
 def _within(inner: Rect, outer: Rect) -> tuple[slice, slice]:
     return (
         slice(inner[1] - outer[1], inner[3] - outer[1]),
@@ -154,7 +109,7 @@ def _is_empty(part: Partial) -> bool:
     return part.rect[0] >= part.rect[2] or part.rect[1] >= part.rect[3]
 
 
-def merge(*parts: Partial) -> Partial:
+def merge(_: Any, *parts: Partial) -> Partial:
     """Return what parts add together, each of which is in front of those after it for every pixel.
 
     Parts that do not overlap, and parts of scalar modes, may come in any order.
@@ -165,23 +120,24 @@ def merge(*parts: Partial) -> Partial:
     first = there[0]
     if any(one.is_behind != first.is_behind for one in there):
         raise ValueError("a part that was drawn alone cannot be merged with one that was drawn behind others")
-    rect = first.rect
-    for one in there[1:]:
-        rect = _around(rect, one.rect)
-    # What is changed below is no part's own.
-    own = first.rect == rect
-    made = {name: array.copy() if own else array for name, array in _spread(first, rect).items()}
-    for one in there[1:]:
-        # Elsewhere it adds nothing.
-        within = _within(one.rect, rect)
-        _add({name: array[within] for name, array in made.items()}, one)
-    return Partial(first.mode, rect, is_behind=first.is_behind, **made)
+    x0, y0, x1, y1 = zip(*(one.rect for one in there), strict=True)
+    rect = min(x0), min(y0), max(x1), max(y1)
+    made = {}
+    for name, own in first.arrays().items():
+        shape = (rect[3] - rect[1], rect[2] - rect[0], *own.shape[2:])
+        made[name] = np.full(shape, np.inf if name == "depth" else 0.0, own.dtype)
+    found = Partial(first.mode, rect, is_behind=first.is_behind, **made)
+    for one in there:
+        _add(found, one)
+    return found
 
 
-def _add(front: Mapping[str, Numbers], back: Partial) -> None:
-    """Change arrays to those of both what they hold and a part behind it."""
+def _add(front: Partial, back: Partial) -> None:
+    """Change a part to both what it holds and a part behind it, which lies in its rectangle."""
+    within = _within(back.rect, front.rect)
+    made, more = {name: array[within] for name, array in front.arrays().items()}, back.arrays()
     if back.rgba is not None:
-        rgba = front["rgba"]
+        rgba = made["rgba"]
         before = rgba[..., 3].copy()
         if back.is_behind:
             np.add(rgba, back.rgba, out=rgba)
@@ -189,12 +145,17 @@ def _add(front: Mapping[str, Numbers], back: Partial) -> None:
             np.maximum(before, back.rgba[..., 3], out=rgba[..., 3])
         else:
             np.add(rgba, _times(back.rgba, np.float32(1.0) - before), out=rgba)
-        if back.depth is not None:
-            _merge_depths(front["depth"], back.depth, before, rgba[..., 3], is_behind=back.is_behind)
-    if back.scalar is not None:
-        _merge_scalars(back.mode, front, back)
-    if back.coverage is not None:
-        front["coverage"] += back.coverage
+    if back.depth is not None:
+        np.minimum(made["depth"], back.depth, out=made["depth"])
+    if back.mode in ("mip", "minimum"):
+        a, b = made["scalar"], more["scalar"]
+        better = np.maximum if back.mode == "mip" else np.minimum
+        a[...] = np.where(made["counts"] == 0, b, np.where(more["counts"] == 0, a, better(a, b)))
+    elif back.scalar is not None:
+        made["scalar"] += back.scalar
+    for name in ("counts", "coverage"):
+        if name in more:
+            made[name] += more[name]
 
 
 def _times(rgba: Numbers, left: Numbers) -> Numbers:
@@ -203,52 +164,6 @@ def _times(rgba: Numbers, left: Numbers) -> Numbers:
     for channel in range(rgba.shape[2]):
         np.multiply(left, rgba[..., channel], out=found[..., channel])
     return found
-
-
-def _merge_depths(near: Numbers, far: Numbers, opacity: Numbers, joined: Numbers, *, is_behind: bool) -> None:
-    """Change depths to those of both parts; `opacity`, `joined`: of what is in front, and of both."""
-    if is_behind:
-        np.minimum(near, far, out=near)
-        return
-    unknown = (joined >= 0.5) & (opacity < 0.5) & (opacity > 0.0)
-    both = np.where(opacity >= 0.5, near, np.where(opacity == 0.0, far, np.float32(np.inf)))
-    near[...] = np.where(unknown, np.float32(np.nan), both)
-
-
-def _merge_scalars(mode: str, front: Mapping[str, Numbers], back: Partial) -> None:
-    """Change the numbers of scalar modes to those of both parts."""
-    a, b = front["scalar"], back.scalar
-    assert b is not None
-    if mode in ("mip", "minimum"):
-        assert back.counts is not None
-        better = np.maximum if mode == "mip" else np.minimum
-        a[...] = np.where(front["counts"] == 0, b, np.where(back.counts == 0, a, better(a, b)))
-    else:
-        a += b
-    if back.counts is not None:
-        front["counts"][...] += back.counts
-
-
-def _spread(part: Partial, rect: Rect) -> dict[str, Numbers]:
-    """Return the arrays of a part over a larger rectangle; its own where that is the same."""
-    found: dict[str, Numbers] = {}
-    here = _within(part.rect, rect)
-    shape = (rect[3] - rect[1], rect[2] - rect[0])
-    for name in _ARRAYS:
-        own = getattr(part, name)
-        if own is None:
-            continue
-        if rect == part.rect:
-            found[name] = own
-            continue
-        wide = np.full((*shape, *own.shape[2:]), np.inf, own.dtype) if name == "depth" else _zeros(own, shape)
-        wide[here] = own
-        found[name] = wide
-    return found
-
-
-def _zeros(like: Numbers, shape: tuple[int, int]) -> Numbers:
-    return np.zeros((*shape, *like.shape[2:]), like.dtype)
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,21 +186,18 @@ class Finished:
 
 def finish(view: BrickView, part: Partial) -> Finished:
     """Return the picture of all bricks."""
-    width, height = view.size
-    whole: Rect = (0, 0, width, height)
-    wide = _spread(_blank(view, whole) if _is_empty(part) else part, whole)
-    rgba = wide.get("rgba")
+    whole = _blank(view, (0, 0, *view.size))
+    if not _is_empty(part):
+        _add(whole, part)
+    rgba, scalar, counts = whole.rgba, whole.scalar, whole.counts
     if rgba is not None:
-        rgba = over_background(view, rgba.astype(np.float32, copy=False))
-    scalar = wide.get("scalar")
+        rgba = over_background(view, rgba)
+    if counts is not None and scalar is not None:
+        scalar = np.where(counts > 0, scalar / np.maximum(counts, 1.0) if view.mode == "average" else scalar, np.nan)
     if scalar is not None:
-        if view.mode == "average":
-            scalar = scalar / np.maximum(wide["counts"], 1.0)
-        if view.mode in _COUNTED:
-            scalar = np.where(wide["counts"] > 0, scalar, np.nan)
         scalar = scalar.astype(np.float32)
-    coverage = wide.get("coverage")
-    return Finished(rgba, scalar, None if coverage is None else coverage.astype(np.float32), wide.get("depth"))
+    coverage = None if whole.coverage is None else whole.coverage.astype(np.float32)
+    return Finished(rgba, scalar, coverage, whole.depth)
 
 
 def over_background(view: BrickView, rgba: Numbers) -> Numbers:
@@ -296,30 +208,3 @@ def over_background(view: BrickView, rgba: Numbers) -> Numbers:
     found = np.ones_like(rgba)
     found[..., :3] = (rgba[..., :3] + behind).astype(np.float32)
     return found
-
-
-def stop_difference(view: BrickView, part: Partial) -> float:
-    """Return a bound on how far a picture of parts that were drawn alone is from one that stops, root mean square.
-
-    Where a pixel's opacity passes the stop, what a picture that stops leaves out is no more than the rest.
-    """
-    stop = view.opacity_stop
-    if part.rgba is None or stop >= 1.0 or _is_empty(part):
-        return 0.0
-    more = np.clip(part.rgba[..., 3].astype(np.float64) - stop, 0.0, None)
-    brightest = float(np.abs(view.transfer_function.points[:, 1:4]).max(initial=0.0))
-    brightest *= _brightest_light(view)
-    channels = 3.0 * max(brightest, 1.0) ** 2 + 1.0
-    width, height = view.size
-    return float(np.sqrt((more**2).sum() * channels / (4.0 * width * height)))
-
-
-def _brightest_light(view: BrickView) -> float:
-    lights, material = view.options["lights"], view.options["material"]
-    if not lights:
-        return 1.0
-    brightness = sum(max(abs(channel) for channel in light.color) for light in lights)
-    return float(abs(material.ambient) + brightness * (abs(material.diffuse) + abs(material.specular)))
-
-
-__all__ = ["Finished", "Partial", "empty", "finish", "merge", "over_background", "stop_difference"]

@@ -66,12 +66,6 @@ class Brick:
     cell: Bounds
     samples: Box | None = None
 
-    def holds(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which of the points (N, 3) lie in the cell."""
-        lower, upper = np.asarray(self.cell)
-        inside: NDArray[np.bool_] = ((points >= lower) & (points < upper)).all(axis=1)
-        return inside
-
     def reached(
         self, centers: NDArray[np.float64], extents: NDArray[np.float64], margin: float = 0.0
     ) -> NDArray[np.bool_]:
@@ -82,16 +76,14 @@ class Brick:
         centers
             (N, 3), world.
         extents
-            Half the extents of the supports along the world's axes, (N, 3), or (N,) for spheres.
+            Half the extents of the supports along the world's axes, (N, 3).
         margin
             World units, as `BrickView.margin` gives it.
         """
         lower, upper = np.asarray(self.cell)
-        reach = extents if extents.ndim == 2 else extents[:, None]
-        near: NDArray[np.bool_] = ((centers + reach + margin >= lower) & (centers - reach - margin <= upper)).all(
-            axis=1
-        )
-        return near
+        near = (centers + extents + margin >= lower) & (centers - extents - margin <= upper)
+        found: NDArray[np.bool_] = near.all(axis=1)
+        return found
 
 
 @dataclass(frozen=True)

@@ -11,16 +11,97 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _memory
-from sheetsplat.bricks.cluster import probe
-from sheetsplat.bricks.lattice import LatticeSpec
+from sheetsplat.bricks.cluster import each
+from sheetsplat.bricks.lattice import Box, LatticeSpec, holds
 from sheetsplat.bricks.needs import factors_in, partition_of
-from sheetsplat.bricks.probe import Probing
+from sheetsplat.bricks.partition import Partition
+from sheetsplat.bricks.resident import residents
 from sheetsplat.bricks.sources import BrickSource
 from sheetsplat.bricks.view import shows
-from sheetsplat.fields import BrickedField
+from sheetsplat.fields import BrickedField, RegularField
 from sheetsplat.transfer import TransferFunction
 
 Floats = NDArray[np.float64]
+#: Sums at points, and the numbers of the nearest kernels in the volume.
+Sums = tuple[Floats, NDArray[np.int64]]
+
+
+@dataclass(frozen=True)
+class Probing:
+    """What values at points need of a volume but its samples.
+
+    Attributes
+    ----------
+    lattice, partition
+        The volume.
+    value_range
+        Of all its samples, counted from its base.
+    columns
+        How many of D, W and their derivatives are wanted.
+    """
+
+    lattice: LatticeSpec
+    partition: Partition
+    value_range: tuple[float, float]
+    columns: int
+
+    def sums(self, source: BrickSource, number: int, places: Floats) -> dict[int, Sums]:
+        """Return by the number of a brick the sums at points in it, (M, columns), and the nearest kernels, (M,).
+
+        Raises
+        ------
+        Error
+            What reading the brick raises.
+        """
+        lattice, brick = self.lattice, self.partition.bricks[number]
+        assert brick.samples is not None
+        box = lattice.around(brick.cell, 0.0)
+        field, box = self._field(source, brick.samples, box)
+        sums, nearest = field.native.sums_at(np.ascontiguousarray(places))
+        found = nearest >= 0
+        parts = np.unravel_index(nearest[found], field.shape)
+        in_box = [first + part for (first, _), part in zip(box, parts, strict=True)]
+        in_volume = _in_volume(lattice, in_box)
+        numbers = np.full(len(nearest), -1, np.int64)
+        numbers[found] = np.ravel_multi_index(in_volume, lattice.shape)
+        return {number: (sums[:, : self.columns], numbers)}
+
+    def _field(self, source: BrickSource, core: Box, box: Box) -> tuple[RegularField, Box]:
+        """Return a field of at least a box of samples, that of the last picture or a new one, and what samples it has.
+
+        Coefficients of a prefilter then agree within 1e-8 of the largest sample.
+        """
+        lattice = self.lattice
+        found: list[Box] = []
+
+        def is_enough(key: tuple[LatticeSpec, Box, Any]) -> bool:
+            found[:] = [key[1]]
+            return key[0] == lattice and holds(key[1], box)
+
+        if (kept := residents().kept(source, core, is_enough)) is not None:
+            return kept, found[0]
+        key = (lattice, box, self.value_range)
+        made = residents().made(
+            source, core, lattice.to_read(box), key, lambda samples: lattice.field(samples, box, self.value_range)
+        )
+        return made, box
+
+
+def _in_volume(lattice: LatticeSpec, numbers: list[NDArray[np.int64]]) -> list[NDArray[np.int64]]:
+    """Return indices along k, j, i of the samples that some are, or are mirror images of."""
+    if lattice.lattice != "bcc":
+        return [lattice.samples_of(axis, one) for axis, one in enumerate(numbers)]
+    odd = numbers[0] % 2 == 1
+    found = [lattice.samples_of(0, numbers[0])]
+    for axis in (1, 2):
+        even, others = (lattice.samples_of(axis, numbers[axis], n) for n in (0, 1))
+        found.append(np.where(odd, others, even))
+    return found
+
+
+def _together(_: Probing, *parts: dict[int, Sums]) -> dict[int, Sums]:
+    """Return the sums of several bricks."""
+    return {number: found for part in parts for number, found in part.items()}
 
 
 @dataclass(frozen=True)
@@ -47,7 +128,7 @@ class BrickProber:
         """Return one that reads no bricks in which a transfer function shows nothing; sums are 0 there."""
         return replace(self, function=function)
 
-    def sums(self, field: BrickedField, places: Floats, columns: int) -> tuple[Floats, NDArray[np.int64]]:
+    def sums(self, field: BrickedField, places: Floats, columns: int) -> Sums:
         """Return sums at points, (M, columns), and the numbers of the nearest kernels, (M,): see `BrickedField`."""
         lattice = LatticeSpec.of(field)
         low, high = field.value_range
@@ -78,12 +159,14 @@ class BrickProber:
 
     def _probed(
         self, field: BrickedField, probing: Probing, places: Floats, groups: Mapping[int, NDArray[np.int64]]
-    ) -> dict[int, tuple[Floats, NDArray[np.int64]]]:
-        source = field.source
-        assert isinstance(source, BrickSource)
-        jobs = {number: places[part] for number, part in groups.items()}
+    ) -> dict[int, Sums]:
+        jobs = {number: (places[part],) for number, part in groups.items()}
+        if not jobs:
+            return {}
         _memory.require(8 * (probing.columns + 4) * len(places), f"values at {len(places)} points")
         client = None if self.client is None else self.client()
-        if client is None or client.status != "running" or not jobs:
-            return {number: probing.sums(source, number, points) for number, points in jobs.items()}
-        return probe(client, source, probing, jobs)
+        if client is not None and client.status != "running":
+            client = None
+        task, merge = ("probe-brick", Probing.sums), ("merge-values", _together)
+        found: dict[int, Sums] = each(client, field.source, probing, jobs, task, merge, probing.partition)
+        return found

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.bricks.lattice import Box
+from sheetsplat.bricks.lattice import Box, slices
 from sheetsplat.errors import Error, OutOfMemory, complain, missing_package
-from sheetsplat.io.source import Source, guarded
+from sheetsplat.io.source import Folder, Source, guarded
 from sheetsplat.io.stored import StoredSamples, changed
 
 Shape = tuple[int, int, int]
@@ -22,16 +22,31 @@ Shape = tuple[int, int, int]
 _REMOTE_CALL = 1 << 22
 
 
-class Reader(Protocol):
-    """Reads boxes of samples. It can be pickled, and any process with the same files can use it."""
-
-    def read(self, box: Box) -> Any:
-        """Return the samples of a box, an array [k, j, i]."""
+#: Reads the samples of a box, an array [k, j, i]. It can be pickled, and any process with the same files can use it.
+Reader = Callable[[Box], Any]
 
 
 def is_url(text: str) -> bool:
     """Return whether a text is a URL, and not the path of a file that is there."""
     return "://" in text and not os.path.lexists(text)
+
+
+def refused(name: object, found: str, wanted: str, advice: str = "", **more: Any) -> Error:
+    """Return the error for data that cannot be opened in bricks."""
+    return complain(f"{name} cannot be opened in bricks", found, wanted, advice, **more)
+
+
+def check_options(name: object, given: Iterable[str], known: Sequence[str], what: str) -> None:
+    """Raise InvalidInput for options of reading that were given and that `what` does not know."""
+    if wrong := [one for one in given if one not in known]:
+        found, wanted = f"{', '.join(wrong)} for {what}", "only " + ", ".join(known) if known else "none"
+        raise refused(name, found, wanted, option=wrong[0] if len(wrong) == 1 else None)
+
+
+def check_plain(source: Source | Folder, name: object) -> None:
+    """Raise InvalidInput for a file that is packed as a whole."""
+    if isinstance(source, Source) and source.packed:
+        raise refused(name, "a gzipped file", "one that is not packed", "unpack it first")
 
 
 @contextlib.contextmanager
@@ -97,136 +112,71 @@ def unchanged(*stamps: Stamp) -> Iterator[None]:
             stamp.check()
 
 
-@dataclass(frozen=True, eq=False)
-class ArrayReader:
-    """Samples in memory."""
-
-    values: NDArray[Any]
-
-    def read(self, box: Box) -> NDArray[Any]:
-        """Return the samples of a box."""
-        return self.values[_cuts(box)]
+def of_array(values: NDArray[Any], box: Box) -> NDArray[Any]:
+    """Return samples in memory."""
+    return values[slices(box)]
 
 
-@dataclass(frozen=True)
-class StoredReader:
-    """Raw samples of a file.
-
-    `stamps`: the files that say where they are, and the one that has them.
-    """
-
-    stamps: tuple[Stamp, ...]
-    samples: StoredSamples
-
-    def read(self, box: Box) -> NDArray[Any]:
-        """Return the samples of a box."""
-        with unchanged(*self.stamps), Source(self.samples.path) as source:
-            return self.samples[_cuts(box)].read(source.fetch)
+def of_file(stamps: tuple[Stamp, ...], samples: StoredSamples, box: Box) -> NDArray[Any]:
+    """Return raw samples of a file; `stamps`: the files that say where they are, and the one that has them."""
+    with unchanged(*stamps), Source(samples.path) as source:
+        return samples[slices(box)].read(source.fetch)
 
 
-@dataclass(frozen=True)
-class RemoteReader:
-    """Raw samples of a file that fsspec reads."""
+def of_url(url: str, samples: StoredSamples, box: Box) -> NDArray[Any]:
+    """Return raw samples of a file that fsspec reads."""
+    import fsspec  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
-    url: str
-    samples: StoredSamples
+    with fsspec.open(url, "rb") as file:
 
-    def read(self, box: Box) -> NDArray[Any]:
-        """Return the samples of a box."""
-        import fsspec  # type: ignore[import-not-found, import-untyped, unused-ignore]
+        def fetch(position: int, count: int) -> bytes:
+            file.seek(position)
+            content: bytes = file.read(count)
+            if len(content) < count:
+                raise EOFError("the file ends early")
+            return content
 
-        with fsspec.open(self.url, "rb") as file:
-
-            def fetch(position: int, count: int) -> bytes:
-                file.seek(position)
-                content: bytes = file.read(count)
-                if len(content) < count:
-                    raise EOFError("the file ends early")
-                return content
-
-            return self.samples[_cuts(box)].read(fetch, _REMOTE_CALL)
+        return samples[slices(box)].read(fetch, _REMOTE_CALL)
 
 
-@dataclass(frozen=True)
-class Hdf5Reader:
-    """A dataset of an HDF5 file."""
+def of_hdf5(stamps: tuple[Stamp], dataset: str, box: Box) -> NDArray[Any]:
+    """Return samples of a dataset of an HDF5 file."""
+    from sheetsplat.io.hdf5_volumes import read_part
 
-    stamp: Stamp
-    dataset: str
-
-    def read(self, box: Box) -> NDArray[Any]:
-        """Return the samples of a box."""
-        from sheetsplat.io.hdf5_volumes import read_part
-
-        with unchanged(self.stamp), Source(self.stamp.path, self.dataset) as source:
-            return read_part(source, self.dataset, box)
+    with unchanged(*stamps), Source(stamps[0].path, dataset) as source:
+        return read_part(source, dataset, box)
 
 
-@dataclass(frozen=True)
-class ZarrReader:
-    """An array of a Zarr folder."""
-
-    located: Any
-
-    def read(self, box: Box) -> Any:
-        """Return the samples of a box."""
-        with guarded(self.located.path):
-            return self.located.part(box)
+def of_zarr(located: Any, box: Box) -> Any:
+    """Return samples of an array of a Zarr folder."""
+    with guarded(located.path):
+        return located.part(box)
 
 
-@dataclass(frozen=True)
-class NetcdfReader:
-    """A variable of a NetCDF file."""
+def of_netcdf(stamps: tuple[Stamp], inner: str, name: str | None, step: int | None, box: Box) -> NDArray[Any]:
+    """Return samples of a variable of a NetCDF file."""
+    from sheetsplat.io.netcdf import opened as opened_variable
+    from sheetsplat.io.xarray_data import one_step, placed
 
-    stamp: Stamp
-    inner: str
-    name: str | None
-    step: int | None
-
-    def read(self, box: Box) -> Any:
-        """Return the samples of a box."""
-        from sheetsplat.io.netcdf import opened as opened_variable
-        from sheetsplat.io.xarray_data import one_step, placed
-
-        with unchanged(self.stamp), Source(self.stamp.path, self.inner) as source:
-            with opened_variable(source, self.name) as array:
-                return _part_of(placed(one_step(array, source.path, self.step), source.path), box)
+    with unchanged(*stamps), Source(stamps[0].path, inner) as source, opened_variable(source, name) as array:
+        return of_placed(placed(one_step(array, source.path, step), source.path), box)
 
 
-@dataclass(frozen=True)
-class LazyReader:
-    """An array of another library that reads parts of itself: dask, Zarr."""
-
-    array: Any
-
-    def read(self, box: Box) -> Any:
-        """Return the samples of a box."""
-        part = self.array[_cuts(box)]
-        # Tasks of a worker draw bricks; further tasks of its scheduler would wait for them.
-        return part.compute(scheduler="synchronous") if hasattr(part, "compute") else part
+def of_lazy(array: Any, box: Box) -> Any:
+    """Return samples of an array of another library that reads parts of itself: dask, Zarr."""
+    return _computed(array[slices(box)])
 
 
-@dataclass(frozen=True)
-class DataArrayReader:
-    """A DataArray of xarray."""
-
-    placed: Any
-
-    def read(self, box: Box) -> Any:
-        """Return the samples of a box."""
-        return _part_of(self.placed, box)
-
-
-def _cuts(box: Box) -> tuple[slice, ...]:
-    return tuple(slice(first, last) for first, last in box)
+def of_placed(found: Any, box: Box) -> NDArray[Any]:
+    """Return samples of a placed DataArray of xarray; coordinates that fall turn an axis round."""
+    cuts = tuple(
+        slice(size - last, size - first) if falls else slice(first, last)
+        for (first, last), size, falls in zip(box, found.array.shape, found.falling, strict=True)
+    )
+    values = np.asarray(_computed(found.array[cuts].data))
+    return np.flip(values, tuple(axis for axis in range(3) if found.falling[axis]))
 
 
-def _part_of(found: Any, box: Box) -> Any:
-    """Return a box of a placed DataArray; coordinates that fall turn an axis round."""
-    cuts = []
-    turned = found.falling
-    for (first, last), size, falls in zip(box, found.array.shape, turned, strict=True):
-        cuts.append(slice(size - last, size - first) if falls else slice(first, last))
-    part = found.array[tuple(cuts)].data
-    values = np.asarray(part.compute(scheduler="synchronous") if hasattr(part, "compute") else part)
-    return np.flip(values, tuple(axis for axis in range(3) if turned[axis]))
+def _computed(part: Any) -> Any:
+    # Tasks of a worker draw bricks; further tasks of its scheduler would wait for them.
+    return part.compute(scheduler="synchronous") if hasattr(part, "compute") else part

@@ -9,8 +9,9 @@ from __future__ import annotations
 import threading
 import weakref
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -18,9 +19,10 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat.bricks.kernel_source import KernelSource
-from sheetsplat.bricks.lattice import Box
+from sheetsplat.bricks.lattice import Box, holds, slices
 from sheetsplat.bricks.sources import BrickSource
 from sheetsplat.fields import EllipsoidField, RegularField
+from sheetsplat.renderer import Renderer
 
 # Of the memory of a process, the share that bricks take; drawing them takes about as much again.
 _SHARE = 0.4
@@ -36,31 +38,36 @@ class Counts:
     ----------
     reads, bytes_read
         How often samples were read from where they are, and how much.
+    drawn, coarse
+        How many pictures of bricks were drawn, and how many of them with a coarser level.
     hits
         How often they were here.
     dropped
         How many bricks had to go.
-    coarse
-        How many pictures of bricks were drawn with a coarser level.
     """
 
     reads: int = 0
     bytes_read: int = 0
+    drawn: int = 0
+    coarse: int = 0
     hits: int = 0
     dropped: int = 0
-    coarse: int = 0
+
+    def of_picture(self) -> NDArray[np.int64]:
+        """Return what pictures tell of: reads, bytes read, drawn, coarse."""
+        return np.array([self.reads, self.bytes_read, self.drawn, self.coarse])
 
 
 @dataclass
 class _Entry:
-    """Samples around a brick, and the field of them.
+    """Samples around a brick, and the field of them; or, without samples, the kernels closer to it than `outer`.
 
     A field without coefficients keeps samples of its own: where memory is short these are the entry's then.
     """
 
-    outer: Box
+    outer: Any
     values: NDArray[Any]
-    made: RegularField | None = None
+    made: Any = None
     wanted: Box | None = None
     key: Any = None
     is_shared: bool = False
@@ -68,9 +75,8 @@ class _Entry:
 
     @property
     def size(self) -> int:
-        if self.made is None:
-            return self.values.nbytes
-        return self.made.memory + (0 if self.is_shared else self.values.nbytes)
+        made = 0 if self.made is None else int(self.made.memory)
+        return made + (0 if self.is_shared else self.values.nbytes)
 
     def shrink(self) -> None:
         """Keep no more samples than the field has, where it has all that it was made of, and no mirrored ones."""
@@ -78,20 +84,6 @@ class _Entry:
             return
         if self.made.shape == tuple(last - first for first, last in self.wanted):
             self.outer, self.values, self.is_shared = self.wanted, self.made.values, True
-
-
-@dataclass
-class _Kernels:
-    """The field of the scattered kernels that reach closer to a brick than `margin`."""
-
-    margin: float
-    key: Any
-    made: EllipsoidField
-    picture: int = 0
-
-    @property
-    def size(self) -> int:
-        return self.made.memory
 
 
 class Residents:
@@ -109,7 +101,7 @@ class Residents:
         self.budget = budget
         self.counts = Counts()
         # The least recently used first.
-        self._entries: OrderedDict[Any, Any] = OrderedDict()
+        self._entries: OrderedDict[Any, _Entry] = OrderedDict()
         self._picture: weakref.ref[Any] = weakref.ref(self)
         self._number = 0
         self._lock = threading.RLock()
@@ -152,25 +144,26 @@ class Residents:
         """Return the field that a function makes of the samples of a box: once with the same key, while it fits."""
         with self._lock:
             entry = self._entry(source, core, wanted)
-            if entry.made is None or (entry.wanted, entry.key) != (wanted, key):
+            found: RegularField | None = entry.made
+            if found is None or (entry.wanted, entry.key) != (wanted, key):
                 entry.made = None
                 found = make(_cut(entry, wanted))
                 entry.made, entry.wanted, entry.key, entry.is_shared = found, wanted, key, False
                 if wanted == entry.outer:
                     entry.shrink()
                 self._fit()
-                return found
-            return entry.made
+            return found
 
     def kept(self, source: BrickSource, core: Box, holds: Callable[[Any], bool]) -> RegularField | None:
         """Return the field that was made last of a brick, where its key is good enough; None: there is none."""
         with self._lock:
             key = (source.key, core)
-            entry: _Entry | None = self._entries.get(key)
+            entry = self._entries.get(key)
             if entry is None or entry.made is None or not holds(entry.key):
                 return None
             self._use(key, entry)
-            return entry.made
+            found: RegularField = entry.made
+            return found
 
     def kernels(
         self, source: KernelSource, number: int, margin: float, value_range: tuple[float, float]
@@ -184,24 +177,25 @@ class Residents:
         """
         with self._lock:
             key = (source.key, number)
-            entry: _Kernels | None = self._entries.get(key)
-            if entry is not None and entry.margin >= margin and entry.key == value_range:
+            entry = self._entries.get(key)
+            if entry is not None and entry.outer >= margin and entry.key == value_range:
                 self._use(key, entry)
-                return entry.made
+                found: EllipsoidField = entry.made
+                return found
             self._entries.pop(key, None)
             # Other views need a little more.
             wider = _WIDER * margin
             made, count = source.read(number, wider, value_range)
             self.counts.reads += 1
             self.counts.bytes_read += count
-            self._entries[key] = _Kernels(wider, value_range, made, self._number)
+            self._entries[key] = _Entry(wider, np.empty(0), made, key=value_range, picture=self._number)
             self._fit()
             return made
 
     def _entry(self, source: BrickSource, core: Box, wanted: Box) -> _Entry:
         key = (source.key, core)
-        entry: _Entry | None = self._entries.get(key)
-        if entry is not None and _holds(entry.outer, wanted):
+        entry = self._entries.get(key)
+        if entry is not None and holds(entry.outer, wanted):
             self._use(key, entry)
             return entry
         outer = wanted if entry is None else _around(entry.outer, wanted)
@@ -213,7 +207,7 @@ class Residents:
         self._fit()
         return entry
 
-    def _use(self, key: Any, entry: Any) -> None:
+    def _use(self, key: Any, entry: _Entry) -> None:
         self._entries.move_to_end(key)
         entry.picture = self._number
         self.counts.hits += 1
@@ -227,10 +221,9 @@ class Residents:
         for one in self._entries.values():
             if size <= self.budget:
                 return
-            if isinstance(one, _Entry):
-                size -= one.size
-                one.shrink()
-                size += one.size
+            size -= one.size
+            one.shrink()
+            size += one.size
         while self._entries and size > self.budget:
             # The least used is the first one.
             oldest = next(iter(self._entries.values()))
@@ -244,10 +237,6 @@ class Residents:
             self._entries.clear()
 
 
-def _holds(outer: Box, inner: Box) -> bool:
-    return all(a <= c and d <= b for (a, b), (c, d) in zip(outer, inner, strict=True))
-
-
 def _around(first: Box, second: Box) -> Box:
     k, j, i = ((min(a, c), max(b, d)) for (a, b), (c, d) in zip(first, second, strict=True))
     return k, j, i
@@ -256,8 +245,7 @@ def _around(first: Box, second: Box) -> Box:
 def _cut(entry: _Entry, wanted: Box) -> NDArray[Any]:
     if wanted == entry.outer:
         return entry.values
-    cut = tuple(slice(a - o, b - o) for (a, b), (o, _) in zip(wanted, entry.outer, strict=True))
-    return np.ascontiguousarray(entry.values[cut])
+    return np.ascontiguousarray(entry.values[slices(wanted, entry.outer)])
 
 
 _here: list[Residents] = []
@@ -268,6 +256,29 @@ def residents() -> Residents:
     if not _here:
         _here.append(Residents(int(_SHARE * memory_limit())))
     return _here[0]
+
+
+@lru_cache(maxsize=8)
+def _renderer(settings: tuple[tuple[str, Any], ...], _: str) -> Renderer:
+    plain: dict[str, Any] = {name: dict(value) if name == "effects" else value for name, value in settings}
+    return Renderer(**plain)
+
+
+def renderer_of(settings: Mapping[str, Any], of: str = "bricks") -> Any:
+    """Return the native renderer of this process with some settings.
+
+    It keeps what it found of bricks, or of wholes, for the next picture of the same field.
+    """
+    pairs = tuple(
+        (name, tuple(sorted(value.items())) if isinstance(value, Mapping) else value)
+        for name, value in settings.items()
+    )
+    return _renderer(pairs, of).native
+
+
+def forget_renderers() -> None:
+    """Forget the renderers of this process, and what they found; tasks that draw keep theirs to their end."""
+    _renderer.cache_clear()
 
 
 def memory_limit() -> int:

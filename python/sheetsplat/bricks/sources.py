@@ -13,6 +13,7 @@ import pkgutil
 import uuid
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,22 +23,9 @@ from numpy.typing import NDArray
 from sheetsplat import _memory
 from sheetsplat._checks import Triple, shown
 from sheetsplat._objects import kind_of_object
+from sheetsplat.bricks import readers
 from sheetsplat.bricks.lattice import Box
-from sheetsplat.bricks.readers import (
-    ArrayReader,
-    DataArrayReader,
-    Hdf5Reader,
-    LazyReader,
-    NetcdfReader,
-    Reader,
-    RemoteReader,
-    Shape,
-    Stamp,
-    StoredReader,
-    ZarrReader,
-    is_url,
-    placed_errors,
-)
+from sheetsplat.bricks.readers import Reader, Shape, Stamp, check_options, check_plain, is_url, placed_errors, refused
 from sheetsplat.errors import Unsupported, complain, option_ref
 from sheetsplat.fields.regular import as_samples, kept_type
 from sheetsplat.io.kernels import logarithm
@@ -53,8 +41,6 @@ FORMATS = (
     "raw samples (with shape and dtype), .npy, raw NRRD and MetaImage, HDF5, NetCDF, Zarr and OME-Zarr; particles in "
     "HDF5, and Parquet"
 )
-# Formats of files with several arrays.
-_NAMED = ("hdf5 volume", "zarr", "netcdf")
 
 
 def box_text(box: Box) -> str:
@@ -90,6 +76,8 @@ class BrickSource:
         Samples beyond these are moved to them; None: as they are.
     coarser
         Coarser levels of the same volume, the finest first.
+    carried
+        Bytes that go along where it is pickled.
     """
 
     name: str
@@ -105,6 +93,7 @@ class BrickSource:
     floor: float | None = None
     limits: tuple[float, float] | None = None
     coarser: tuple[Level, ...] = ()
+    carried: int = 0
 
     @property
     def key(self) -> tuple[Any, ...]:
@@ -145,12 +134,6 @@ class BrickSource:
         """What exists as long as anything shows these samples, in whatever way."""
         return self.reader
 
-    @property
-    def carried(self) -> int:
-        """Bytes that go along where it is pickled."""
-        values = getattr(self.reader, "values", None)
-        return 0 if values is None else int(values.nbytes)
-
     def bytes_of(self, box: Box) -> int:
         """Return how much memory a box takes while it is read."""
         count = math.prod(last - first for first, last in box)
@@ -175,7 +158,7 @@ class BrickSource:
             raise complain(what, box_text(box), f"a box inside of {' x '.join(map(str, self.shape))} samples [k, j, i]")
         _memory.require(self.bytes_of(box), f"samples {box_text(box)} of {self.name}", "use smaller bricks")
         with placed_errors(what), np.errstate(all="ignore"):
-            found = np.asarray(self.reader.read(box))
+            found = np.asarray(self.reader(box))
             wanted = tuple(last - first for first, last in box)
             if found.shape != wanted:
                 raise complain(what, f"an array of shape {found.shape}", f"shape {wanted}, as the volume says")
@@ -260,16 +243,16 @@ def open_source(data: Any, options: Mapping[str, Any]) -> BrickSource:
         return _of_object(data, kind.name)
 
 
-def _source(name: str, token: str, volume: Volume, reader: Reader, stored: np.dtype[Any] | None = None) -> BrickSource:
+def _source(name: str, token: str, volume: Volume, reader: Reader) -> BrickSource:
     """Return the source of a volume whose values stand for shape and type alone."""
-    kind = (volume.values.dtype if stored is None else stored).newbyteorder("=")
+    kind = volume.values.dtype.newbyteorder("=")
     check_volume(name, volume.values.shape, kind)
     nk, nj, ni = volume.values.shape
     if not volume.values.size:
-        raise complain(f"{name} cannot be opened in bricks", f"no samples, shape {(nk, nj, ni)}", "at least one")
+        raise refused(name, f"no samples, shape {(nk, nj, ni)}", "at least one")
     if kind.kind == "f" and kind.itemsize > 8:
         wanted = "at most float64"
-        raise complain(f"{name} cannot be opened in bricks", f"samples of type {kind}", wanted, "convert them")
+        raise refused(name, f"samples of type {kind}", wanted, "convert them")
     return BrickSource(
         name,
         _digest(token.encode()),
@@ -302,7 +285,8 @@ def _of_numpy(data: Any) -> BrickSource:
     values = as_samples(data)
     volume = Volume(_stand_in(values.shape, values.dtype))
     token = _digest(values.data if values.size else b"")
-    return _source("the array", f"{token}{values.dtype.str}{values.shape}", volume, ArrayReader(values))
+    read = partial(readers.of_array, values)
+    return _source("the array", f"{token}{values.dtype.str}{values.shape}", volume, read).replace(carried=values.nbytes)
 
 
 def _of_object(data: Any, name: str) -> BrickSource:
@@ -312,22 +296,22 @@ def _of_object(data: Any, name: str) -> BrickSource:
 
         found = placed(data, name)
         volume = found.volume(name, _stand_in(found.array.shape, found.array.dtype))
-        return _source(name, _opened_anew(), volume, DataArrayReader(found))
+        return _source(name, _opened_anew(), volume, partial(readers.of_placed, found))
     if module == "h5py":
         if not Path(str(data.file.filename)).is_file():
-            raise complain(f"{name} cannot be opened in bricks", "a file in memory", "a file that all workers can read")
+            raise refused(name, "a file in memory", "a file that all workers can read")
         return _file(f"{data.file.filename}:{data.name}", {})
     if module == "zarr":
         root = getattr(data.store, "root", None)
         if root is not None:
             return _file(str(Path(root) / data.path), {})
         volume = Volume(_stand_in(data.shape, data.dtype))
-        return _source(name, _opened_anew(), volume, LazyReader(data))
+        return _source(name, _opened_anew(), volume, partial(readers.of_lazy, data))
     if module == "dask":
         check_volume(name, data.shape, data.dtype)
-        return _source(name, _opened_anew(), Volume(_stand_in(data.shape, data.dtype)), LazyReader(data))
-    raise complain(
-        f"{name} cannot be opened in bricks",
+        return _source(name, _opened_anew(), Volume(_stand_in(data.shape, data.dtype)), partial(readers.of_lazy, data))
+    raise refused(
+        name,
         f"{type(data).__name__}, which is read as a whole",
         "a path, or an array of NumPy, dask, Zarr, h5py or xarray",
         "open it with sheetsplat.open",
@@ -341,28 +325,17 @@ def _file(text: str, options: Mapping[str, Any]) -> BrickSource:
     with opened(text) as source:
         found = format_of(source, raw_options="shape" in options or "dtype" in options)
         if found.scattered or found.name not in _LOCATED:
-            raise complain(
-                f"{text} cannot be opened in bricks",
+            raise refused(
+                text,
                 f"a file of format {found.name}, which is read as a whole",
                 FORMATS,
                 "convert it, or open it with sheetsplat.open",
                 kind=Unsupported,
             )
-        if isinstance(source, Source) and source.packed:
-            raise complain(
-                f"{text} cannot be opened in bricks", "a gzipped file", "one that is not packed", "unpack it first"
-            )
-        timed = ("step",) if found.name in ("netcdf", "zarr") else ()
-        named = ("name", "scalar") if found.name in _NAMED else ()
-        allowed = ("shape", "dtype", "offset") if found.name == "raw" else (*named, *timed)
-        if wrong := [name for name in options if name not in allowed]:
-            raise complain(
-                f"{text} cannot be opened in bricks",
-                ", ".join(wrong) + f" for a file of format {found.name}",
-                "only " + ", ".join(allowed) if allowed else "none",
-                option=wrong[0] if len(wrong) == 1 else None,
-            )
-        made: BrickSource = _LOCATED[found.name](source, text, options)
+        check_plain(source, text)
+        locate, allowed = _LOCATED[found.name]
+        check_options(text, options, allowed, f"a file of format {found.name}")
+        made: BrickSource = locate(source, text, options)
         return made
 
 
@@ -371,24 +344,12 @@ def _chosen_name(options: Mapping[str, Any]) -> str | None:
     return None if name is None else str(name)
 
 
-def _raw(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
-    from sheetsplat.io import raw
-
-    return _stored(text, raw.locate(source, **options))
-
-
-def _npy(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
-    from sheetsplat.io.numpy_files import locate
-
-    return _stored(text, locate(source))
-
-
 def _stored(text: str, volume: Volume, *headers: Path) -> BrickSource:
     """Return the source of a volume whose values are `StoredSamples`; `headers`: the files that say where they are."""
     samples: Any = volume.values
     stamps = tuple(map(Stamp.of, dict.fromkeys((*headers, samples.path))))
-    reader = StoredReader(stamps, replace(samples, path=stamps[-1].path))
-    return _source(text, f"{reader}", volume, reader)
+    samples = replace(samples, path=stamps[-1].path)
+    return _source(text, f"{stamps}{samples}", volume, partial(readers.of_file, stamps, samples))
 
 
 def _hdf5(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
@@ -397,7 +358,7 @@ def _hdf5(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
     volume = locate(source, _chosen_name(options))
     stamp = Stamp.of(source.path)
     dataset = volume.details["content"]
-    return _source(text, f"{stamp}{dataset}", volume, Hdf5Reader(stamp, dataset))
+    return _source(text, f"{stamp}{dataset}", volume, partial(readers.of_hdf5, (stamp,), dataset))
 
 
 def _zarr(source: Folder, text: str, options: Mapping[str, Any]) -> BrickSource:
@@ -412,7 +373,7 @@ def _zarr(source: Folder, text: str, options: Mapping[str, Any]) -> BrickSource:
         located.details,
         located.quantity,
     )
-    made = _source(text, _zarr_token(located), volume, ZarrReader(located))
+    made = _source(text, _zarr_token(located), volume, partial(readers.of_zarr, located))
     others = locate_coarser(source, _chosen_name(options), options.get("step"))
     return made.replace(coarser=tuple(_level(text, made, one) for one in others if _is_coarser(one, made)))
 
@@ -443,7 +404,7 @@ def _level(text: str, source: BrickSource, located: Any) -> Level:
     located = _absolute(located)
     name = f"{text}, {located.path.name}"
     volume = Volume(_stand_in(located.shape, located.dtype), located.spacing, located.origin)
-    coarse = _source(name, _zarr_token(located), volume, ZarrReader(located))
+    coarse = _source(name, _zarr_token(located), volume, partial(readers.of_zarr, located))
     x, y, z = (a / b for a, b in zip(located.spacing, source.spacing, strict=True))
     places = zip(located.origin, source.origin, source.spacing, strict=True)
     i, j, k = ((a - b) / step for a, b, step in places)
@@ -458,25 +419,31 @@ def _netcdf(source: Source, text: str, options: Mapping[str, Any]) -> BrickSourc
     with opened_variable(source, name) as array:
         found = placed(one_step(array, source.path, step), source.path)
         volume = found.volume(source.path, _stand_in(found.array.shape, found.array.dtype))
-    return _source(text, f"{stamp}{source.inner}{name}{step}", volume, NetcdfReader(stamp, source.inner, name, step))
+    read = partial(readers.of_netcdf, (stamp,), source.inner, name, step)
+    return _source(text, f"{stamp}{source.inner}{name}{step}", volume, read)
 
 
-def _behind_header(reader: str) -> Callable[..., BrickSource]:
+def _raw(reader: str, *, behind_header: bool = False) -> Callable[..., BrickSource]:
+    """Return what locates raw samples by a function of `sheetsplat.io`."""
+
     def locate(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
-        return _stored(text, pkgutil.resolve_name(reader)(source, located=True), source.path)
+        read = pkgutil.resolve_name("sheetsplat.io." + reader)
+        if behind_header:
+            return _stored(text, read(source, located=True), source.path)
+        return _stored(text, read(source, **options))
 
     return locate
 
 
-_IO = "sheetsplat.io."
-_LOCATED: Mapping[str, Any] = {
-    "raw": _raw,
-    "npy": _npy,
-    "nrrd": _behind_header(_IO + "nrrd_files:read"),
-    "metaimage": _behind_header(_IO + "metaimage:read"),
-    "hdf5 volume": _hdf5,
-    "zarr": _zarr,
-    "netcdf": _netcdf,
+# What locates samples in files of a format, and the options of reading that these have.
+_LOCATED: Mapping[str, tuple[Callable[..., BrickSource], tuple[str, ...]]] = {
+    "raw": (_raw("raw:locate"), ("shape", "dtype", "offset")),
+    "npy": (_raw("numpy_files:locate"), ()),
+    "nrrd": (_raw("nrrd_files:read", behind_header=True), ()),
+    "metaimage": (_raw("metaimage:read", behind_header=True), ()),
+    "hdf5 volume": (_hdf5, ("name", "scalar")),
+    "zarr": (_zarr, ("name", "scalar", "step")),
+    "netcdf": (_netcdf, ("name", "scalar", "step")),
 }
 
 
@@ -501,4 +468,4 @@ def _remote(url: str, options: Mapping[str, Any]) -> BrickSource:
             found = f"{length} bytes, {offset} of them before the samples"
             raise complain(what, found, f"{needed} bytes of samples, {shown(shape)} of {kind}")
     samples: Any = StoredSamples.dense(Path(url), kind, shape, offset)
-    return _source(url, _opened_anew(), Volume(samples), RemoteReader(url, samples))
+    return _source(url, _opened_anew(), Volume(samples), partial(readers.of_url, url, samples))

@@ -1,12 +1,13 @@
 """What looks and plans need to know of all samples of a volume, found brick by brick.
 
-Each brick is surveyed by itself, and surveys are merged in the order of the bricks: the result has the same bits for
-any number of processes. What it holds of the samples is what `sheetsplat.look` and `sheetsplat.quality` look at of a
-volume in memory, no more than some millions of them.
+Each brick is surveyed by itself, and surveys are put together in the order of the bricks: the result has the same bits
+for any number of processes. What it holds of the samples is what `sheetsplat.look` and `sheetsplat.quality` look at of
+a volume in memory, no more than some millions of them.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.bricks.lattice import Box
+from sheetsplat.bricks.lattice import Box, slices
 from sheetsplat.bricks.partition import Partition
 from sheetsplat.bricks.readers import Shape
 from sheetsplat.bricks.resident import residents
@@ -27,8 +28,6 @@ from sheetsplat.quality import samples as through
 
 # Samples that are read at once where the first one that is not missing is looked for.
 _AT_ONCE = 1 << 22
-# First and last index along i, j, k of the samples that are there.
-_Extent = tuple[tuple[int, int, int], tuple[int, int, int]]
 
 
 @dataclass(frozen=True)
@@ -80,59 +79,37 @@ class SurveyPlan:
         return k, j, i
 
 
-@dataclass(frozen=True)
-class _Rough:
-    """Sums of squared second differences, and mean and squared deviations of the samples of middle layers."""
-
-    mixed_count: int = 0
-    mixed_squares: float = 0.0
-    count: int = 0
-    mean: float = 0.0
-    deviations: float = 0.0
-
-    def __add__(self, other: _Rough) -> _Rough:
-        """Return both together (Chan, Golub and LeVeque 1983, equation 2.1)."""
-        count = self.count + other.count
-        if not count:
-            return _Rough(self.mixed_count + other.mixed_count, self.mixed_squares + other.mixed_squares)
-        apart = other.mean - self.mean
-        return _Rough(
-            self.mixed_count + other.mixed_count,
-            self.mixed_squares + other.mixed_squares,
-            count,
-            self.mean + apart * (other.count / count),
-            self.deviations + other.deviations + apart * apart * (self.count * (other.count / count)),
-        )
-
-
 @dataclass(frozen=True, eq=False)
 class BrickSurvey:
-    """What is known of the samples of some bricks.
+    """What is known of the samples of a brick.
 
     Attributes
     ----------
-    ranges
-        Smallest and largest sample of each brick by its number; NaN where a brick has none.
+    value_range
+        Smallest and largest sample; NaN where there are none.
     missing
         Number of NaN.
     extents
-        Of the samples that are there, in even and in odd layers; None: none.
+        First and last index along i, j, k of the samples that are there, in even and in odd layers, (2, 2, 3): infinite
+        where there are none.
     every
         For each stride the numbers of samples, and the samples, type as stored.
-    grid
-        Pieces of the samples on the grid of `steps`: the first place along k, j, i, and the samples.
+    place, grid
+        Samples on the grid of `SurveyPlan.steps`, and the first place of these along k, j, i.
     rough
-        Sums for the estimate of noise.
+        For the estimate of noise a row a layer: how many second differences, the sum of their squares, how many
+        samples, their mean, and the sum of their squared deviations from that.
     same
         Number of samples that are equal to the first one of the volume.
     """
 
-    ranges: Mapping[int, tuple[float, float]]
+    value_range: tuple[float, float]
     missing: int
-    extents: tuple[_Extent | None, _Extent | None]
-    every: Mapping[int, tuple[NDArray[np.int64], NDArray[Any]]]
-    grid: tuple[tuple[tuple[int, int, int], NDArray[Any]], ...]
-    rough: _Rough
+    extents: NDArray[np.float64]
+    every: tuple[tuple[NDArray[np.int64], NDArray[Any]], ...]
+    place: tuple[int, ...]
+    grid: NDArray[Any]
+    rough: NDArray[np.float64]
     same: int = 0
 
 
@@ -157,7 +134,7 @@ def survey_brick(values: NDArray[Any], outer: Box, core: Box, number: int, plan:
     InvalidInput
         For infinite samples.
     """
-    own = values[tuple(slice(a - o, b - o) for (a, b), (o, _) in zip(core, outer, strict=True))]
+    own = values[slices(core, outer)]
     there = ~np.isnan(own) if own.dtype.kind == "f" else None
     missing = 0 if there is None else own.size - int(np.count_nonzero(there))
     if missing == own.size:
@@ -175,33 +152,32 @@ def survey_brick(values: NDArray[Any], outer: Box, core: Box, number: int, plan:
             "make it NaN, with " + option_ref("nan", "skip"),
         )
     with np.errstate(all="ignore"):
-        rough = _roughness(values, outer, core, plan) if plan.starts else _Rough()
+        rough = _roughness(values, outer, core, plan)
+    starts = [-first % step for (first, _), step in zip(core, plan.steps, strict=True)]
     return BrickSurvey(
-        {number: (low, high)},
+        (low, high),
         missing,
-        (_extent(own, there if missing else None, core, 0), _extent(own, there if missing else None, core, 1)),
-        {stride: _every(own, core, stride, plan.shape) for stride in plan.strides},
-        tuple(_on_grid(own, core, plan.steps)),
+        np.array([_extent(own, there if missing else None, core, odd) for odd in (0, 1)]),
+        tuple(_every(own, core, stride, plan.shape) for stride in plan.strides),
+        tuple((first + start) // step for (first, _), start, step in zip(core, starts, plan.steps, strict=True)),
+        own[tuple(slice(start, None, step) for start, step in zip(starts, plan.steps, strict=True))].copy(),
         rough,
         0 if plan.first is None else int(np.count_nonzero(own == plan.first)),
     )
 
 
-def _extent(own: NDArray[Any], there: NDArray[np.bool_] | None, core: Box, odd: int) -> _Extent | None:
-    """Return the extent of the samples in even or odd layers."""
-    (k0, k1), (j0, j1), (i0, i1) = core
-    start = (odd - k0) % 2
-    if start >= k1 - k0:
-        return None
-    if there is None:
-        last = k0 + start + (k1 - 1 - k0 - start) // 2 * 2
-        return (i0, j0, k0 + start), (i1 - 1, j1 - 1, last)
-    part = there[start::2]
-    if not part.any():
-        return None
-    k, j, i = (np.flatnonzero(part.any(axis=axes)) for axes in ((1, 2), (0, 2), (0, 1)))
-    first = int(i[0]) + i0, int(j[0]) + j0, int(k[0]) * 2 + start + k0
-    return first, (int(i[-1]) + i0, int(j[-1]) + j0, int(k[-1]) * 2 + start + k0)
+def _extent(own: NDArray[Any], there: NDArray[np.bool_] | None, core: Box, odd: int) -> NDArray[np.float64]:
+    """Return the extent of the samples in even or odd layers, (2, 3)."""
+    start = (odd - core[0][0]) % 2
+    part = own[start::2]
+    # Along k, j, i; all of them unless some are missing.
+    found = [np.arange(size) for size in part.shape] if part.size else [np.arange(0)] * 3
+    if there is not None:
+        found = [np.flatnonzero(there[start::2].any(axis=axes)) for axes in ((1, 2), (0, 2), (0, 1))]
+    if not all(one.size for one in found):
+        return np.array([[np.inf] * 3, [-np.inf] * 3])
+    k, j, i = (one[[0, -1]] + first for one, (first, _) in zip((2 * found[0] + start, *found[1:]), core, strict=True))
+    return np.stack((i, j, k), axis=1).astype(np.float64)
 
 
 def _every(own: NDArray[Any], core: Box, stride: int, shape: Shape) -> tuple[NDArray[np.int64], NDArray[Any]]:
@@ -220,22 +196,12 @@ def _every(own: NDArray[Any], core: Box, stride: int, shape: Shape) -> tuple[NDA
     return np.concatenate(found), np.concatenate(values)
 
 
-def _on_grid(own: NDArray[Any], core: Box, steps: Sequence[int]) -> list[tuple[tuple[int, int, int], NDArray[Any]]]:
-    """Return the samples of a brick on the grid, or none."""
-    starts = [-first % step for (first, _), step in zip(core, steps, strict=True)]
-    part = own[tuple(slice(start, None, step) for start, step in zip(starts, steps, strict=True))]
-    if not part.size:
-        return []
-    k, j, i = ((first + start) // step for (first, _), start, step in zip(core, starts, steps, strict=True))
-    return [((k, j, i), part.copy())]
-
-
-def _roughness(values: NDArray[Any], outer: Box, core: Box, plan: SurveyPlan) -> _Rough:
-    """Return sums over the brick's own samples of the layers at which noise is estimated."""
+def _roughness(values: NDArray[Any], outer: Box, core: Box, plan: SurveyPlan) -> NDArray[np.float64]:
+    """Return sums over the brick's own samples of the layers at which noise is estimated: `BrickSurvey.rough`."""
     (k0, k1), (j0, j1), (i0, i1) = core
     (o, _), (oj, _), (oi, _) = outer
     _, nj, ni = plan.shape
-    total = _Rough()
+    rows = []
     for k in plan.starts:
         if not k0 <= k < k1:
             continue
@@ -244,20 +210,19 @@ def _roughness(values: NDArray[Any], outer: Box, core: Box, plan: SurveyPlan) ->
         layers = [one.astype(np.float64) for one in around]
         own = layers[1][: j1 - j0, : i1 - i0]
         mean = float(own.mean())
-        total += _Rough(count=own.size, mean=mean, deviations=float(((own - mean) ** 2).sum()))
-        if min(layers[0].shape) > 2:
-            mixed = mixed_differences(layers)
-            total += _Rough(mixed.size, float((mixed**2).sum()))
-    return total
+        mixed = mixed_differences(layers) if min(layers[0].shape) > 2 else np.zeros(0)
+        rows.append([mixed.size, float((mixed**2).sum()), own.size, mean, float(((own - mean) ** 2).sum())])
+    return np.asarray(rows, np.float64).reshape(-1, 5)
 
 
-def survey_of(source: BrickSource, partition: Partition, number: int, plan: SurveyPlan) -> BrickSurvey:
-    """Return what is known of one brick, whose samples stay in this process where they fit."""
+def survey_of(shared: tuple[Partition, SurveyPlan], source: BrickSource, number: int) -> tuple[BrickSurvey]:
+    """Return what is known of one brick, alone in a tuple, whose samples stay in this process where they fit."""
+    partition, plan = shared
     core = partition.bricks[number].samples
     assert core is not None
     outer = plan.margin(core)
     values = residents().samples(source, core, outer)
-    return survey_brick(values, outer, core, number, plan, source.name)
+    return (survey_brick(values, outer, core, number, plan, source.name),)
 
 
 def first_sample(source: BrickSource) -> Any:
@@ -276,35 +241,9 @@ def first_sample(source: BrickSource) -> Any:
     return None
 
 
-def merge_surveys(parts: Sequence[BrickSurvey]) -> BrickSurvey:
-    """Return what is known of all bricks of several surveys, which are in the order of the bricks."""
-    every = {}
-    for stride in parts[0].every:
-        numbers = np.concatenate([one.every[stride][0] for one in parts])
-        values = np.concatenate([one.every[stride][1] for one in parts])
-        order = np.argsort(numbers, kind="stable")
-        every[stride] = (numbers[order], values[order])
-    rough = _Rough()
-    for one in parts:
-        rough += one.rough
-    return BrickSurvey(
-        {number: found for one in parts for number, found in one.ranges.items()},
-        sum(one.missing for one in parts),
-        (_joined([one.extents[0] for one in parts]), _joined([one.extents[1] for one in parts])),
-        every,
-        tuple(piece for one in parts for piece in one.grid),
-        rough,
-        sum(one.same for one in parts),
-    )
-
-
-def _joined(extents: Sequence[_Extent | None]) -> _Extent | None:
-    known = [one for one in extents if one is not None]
-    if not known:
-        return None
-    low, high = (np.asarray([one[end] for one in known]) for end in (0, 1))
-    (a, b, c), (d, e, f) = low.min(axis=0).tolist(), high.max(axis=0).tolist()
-    return (a, b, c), (d, e, f)
+def merge_surveys(_: Any, *parts: tuple[BrickSurvey, ...]) -> tuple[BrickSurvey, ...]:
+    """Return the surveys of all groups of bricks, in their order."""
+    return tuple(itertools.chain(*parts))
 
 
 @dataclass(frozen=True, eq=False)
@@ -320,7 +259,7 @@ class Survey:
     missing
         Number of NaN.
     extents
-        Of samples that are there, in even and in odd layers.
+        Of samples that are there, in even and in odd layers, (2, 2, 3).
     cores
         Boxes of the bricks, (N, 3, 2).
     first
@@ -332,32 +271,38 @@ class Survey:
     source: BrickSource
     ranges: NDArray[np.float64]
     missing: int
-    extents: tuple[_Extent | None, _Extent | None]
+    extents: NDArray[np.float64]
     _every: Mapping[int, NDArray[Any]] = field(repr=False)
     _grid: tuple[tuple[int, ...], NDArray[Any]] = field(repr=False)
-    _rough: _Rough
+    _rough: NDArray[np.float64] = field(repr=False)
     cores: NDArray[np.int64] = field(repr=False)
     first: Any = None
     same: int = 0
 
     @classmethod
-    def of(cls, source: BrickSource, found: BrickSurvey, cores: Sequence[Box], plan: SurveyPlan) -> Survey:
-        """Return what was found of all bricks together."""
-        places = tuple(-(-size // step) for size, step in zip(plan.shape, plan.steps, strict=True))
-        grid = np.empty(places, found.grid[0][1].dtype)
-        for (k, j, i), part in found.grid:
-            grid[k : k + part.shape[0], j : j + part.shape[1], i : i + part.shape[2]] = part
+    def of(cls, source: BrickSource, found: Sequence[BrickSurvey], cores: Sequence[Box], plan: SurveyPlan) -> Survey:
+        """Return what was found of all bricks, which are in their order, together."""
+        kind, every = found[0].grid.dtype, {}
+        for at, stride in enumerate(plan.strides):
+            every[stride] = np.empty(-(-math.prod(plan.shape) // stride), kind)
+            for one in found:
+                numbers, values = one.every[at]
+                every[stride][numbers // stride] = values
+        grid = np.empty([-(-size // step) for size, step in zip(plan.shape, plan.steps, strict=True)], kind)
+        for one in found:
+            grid[tuple(slice(at, at + size) for at, size in zip(one.place, one.grid.shape, strict=True))] = one.grid
+        extents = np.stack([one.extents for one in found])
         return cls(
             source,
-            np.asarray([found.ranges[number] for number in range(len(cores))]),
-            found.missing,
-            found.extents,
-            {stride: values for stride, (_, values) in found.every.items()},
+            np.asarray([one.value_range for one in found]),
+            sum(one.missing for one in found),
+            np.stack((extents[:, :, 0].min(axis=0), extents[:, :, 1].max(axis=0)), axis=1),
+            every,
             (plan.steps, grid),
-            found.rough,
+            np.concatenate([one.rough for one in found]),
             np.asarray(cores, np.int64),
             plan.first,
-            found.same,
+            sum(one.same for one in found),
         )
 
     def __eq__(self, other: object) -> bool:
@@ -423,16 +368,16 @@ class Survey:
 
         Steps of a BCC lattice are halves of the edge of its cube.
         """
+        extents = self.extents
         if lattice == "bcc":
-            known = []
-            for odd, one in enumerate(self.extents):
-                if one is not None:
-                    (a, b, c), (d, e, f) = one
-                    known.append(((2 * a + odd, 2 * b + odd, c), (2 * d + odd, 2 * e + odd, f)))
-            found = _joined(known)
-        else:
-            found = _joined(self.extents)
-        return ((0, 0, 0), (0, 0, 0)) if found is None else found
+            # Odd layers are moved by half an edge along x and y.
+            odd = np.arange(2)[:, None, None]
+            extents = np.concatenate((2 * extents[:, :, :2] + odd, extents[:, :, 2:]), axis=2)
+        low, high = extents[:, 0].min(axis=0), extents[:, 1].max(axis=0)
+        if not np.isfinite(low).all():
+            return (0, 0, 0), (0, 0, 0)
+        (a, b, c), (d, e, f) = low.astype(int).tolist(), high.astype(int).tolist()
+        return (a, b, c), (d, e, f)
 
     def every(self, stride: int) -> NDArray[Any]:
         """Return every n-th sample, counted along the last axis first."""
@@ -490,8 +435,14 @@ class Survey:
 
     def roughness(self, starts: Sequence[int], apart: int, values: tuple[float, float]) -> tuple[float, float]:
         """Return the mean square of second differences, and the variance."""
-        one = self._rough
-        if not one.count or not one.mixed_count or not math.isfinite(one.mixed_squares + one.deviations):
+        if not len(self._rough):
+            return 1.0, 0.0
+        mixed, squares, counts, means, deviations = self._rough.T
+        with np.errstate(all="ignore"):
+            mean = (means * (counts / counts.sum())).sum()
+            # Of parts together (Chan, Golub and LeVeque 1983).
+            total = deviations.sum() + (counts * (means - mean) ** 2).sum()
+        if not mixed.sum() or not math.isfinite(squares.sum() + total):
             # Beyond 1e150 squares overflow: nothing but noise.
-            return 1.0, 0.0 if not one.count else 1e-300
-        return one.mixed_squares / one.mixed_count, one.deviations / one.count
+            return 1.0, 1e-300
+        return float(squares.sum() / mixed.sum()), float(total / counts.sum())

@@ -22,7 +22,6 @@ from sheetsplat.limits import Depths
 from sheetsplat.options.core import SCALAR, checked
 from sheetsplat.options.renderer import RendererClassOptions
 from sheetsplat.options.scene import SceneOptions, surfaces_of
-from sheetsplat.tiles import window as window_of
 from sheetsplat.transfer import TransferFunction
 
 # Distances are enlarged by this, so that rounding does not leave out a kernel that just reaches.
@@ -48,8 +47,6 @@ class BrickView:
     ----------
     partition, whole
         The bricks, and what they share.
-    lattice
-        The lattice that the samples of bricks belong to; None for scattered kernels.
     levels
         The lattices of coarser levels of the volume, the finest first.
     allowed
@@ -78,7 +75,6 @@ class BrickView:
     outputs: tuple[str, ...] = ()
     depth_limit: Depths | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
-    lattice: LatticeSpec | None = None
     levels: tuple[LatticeSpec, ...] = ()
     allowed: float | None = None
     largest_sample: float = 1.0
@@ -96,7 +92,6 @@ class BrickView:
         outputs: tuple[str, ...] = (),
         depth_limit: Depths | None = None,
         settings: Mapping[str, Any] | None = None,
-        lattice: LatticeSpec | None = None,
     ) -> BrickView:
         """Return the view of checked or unchecked options of `Scene` and `Renderer`; what is not given is as there.
 
@@ -113,11 +108,16 @@ class BrickView:
                 given[length] = whole.default_slice_spacing
         renderer = checked("Renderer", {"backend": "auto", **(settings or {})}, RendererClassOptions)
         _refuse(renderer)
-        return cls(partition, whole, transfer_function, given, camera, size, outputs, depth_limit, renderer, lattice)
+        return cls(partition, whole, transfer_function, given, camera, size, outputs, depth_limit, renderer)
 
     def replace(self, **changes: Any) -> BrickView:
         """Return the same view with some attributes changed."""
         return replace(self, **changes)
+
+    @property
+    def lattice(self) -> LatticeSpec | None:
+        """The lattice that the samples of bricks belong to; None for scattered kernels."""
+        return self.whole.lattice
 
     @property
     def mode(self) -> str:
@@ -184,11 +184,10 @@ class BrickView:
     @cached_property
     def places(self) -> Places:
         """Where all bricks lie in the picture."""
-        supports = np.asarray(self.whole.supports)
         # An interval begins one slice before what is in it.
         beyond = self._slant() * self.slice_spacing * 1.5 + self._widening(self._farthest())
-        within = supports[:, 0].min(axis=0) - beyond, supports[:, 1].max(axis=0) + beyond
-        return Places.of(self._cells, within, self._axes, self.camera, self.size)
+        lower, upper = np.asarray(self.supports)
+        return Places.of(self._cells, (lower - beyond, upper + beyond), self._axes, self.camera, self.size)
 
     @cached_property
     def _axes(self) -> tuple[NDArray[np.float64], ...]:
@@ -199,21 +198,27 @@ class BrickView:
         """The points that are drawn of all bricks, (N, 2, 3)."""
         return np.asarray([brick.cell for brick in self.partition.bricks]) + _MOVED * self.slice_spacing
 
+    @cached_property
     def supports(self) -> Bounds:
-        """Return the box of all supports of the whole."""
+        """The box of all supports of the whole."""
         boxes = np.asarray(self.whole.supports)
         return tuple(boxes[:, 0].min(axis=0).tolist()), tuple(boxes[:, 1].max(axis=0).tolist())
 
-    def depths(self) -> tuple[float, float]:
-        """Return the nearest and the farthest depth that kernels of the whole reach."""
-        return self._depths
-
     @cached_property
-    def _depths(self) -> tuple[float, float]:
+    def depths(self) -> tuple[float, float]:
+        """The nearest and the farthest depth that kernels of the whole reach."""
         longer = 0.0
         if self.options["filter"] is not None:
             longer = _FILTER * math.sqrt(2.0 * self.whole.falloff) * self.slice_spacing
         return self.whole.depths(self.camera, longer)
+
+    def part(self, native: Any, cell: Bounds, depths: tuple[float, float], **more: Any) -> Any:
+        """Return a native scene as one of what is in a cell, sliced between two depths of the whole."""
+        whole = self.whole
+        given = {"in_front": None, **more}
+        return native.with_part(
+            cell=cell, centres=whole.centres, depths=depths, domain=whole.domain, filled=whole.is_filled, **given
+        )
 
     def cell(self, number: int) -> Bounds:
         """Return the points that are drawn of a brick, lower <= x < upper."""
@@ -222,7 +227,7 @@ class BrickView:
 
     def depths_of(self, number: int) -> tuple[float, float]:
         """Return the nearest and the farthest depth at which a brick is sliced, within those of the whole."""
-        near, far = self.depths()
+        near, far = self.depths
         if not self.places.seen[number]:
             return near, far
         first, last = self.places.depths[number].tolist()
@@ -230,7 +235,7 @@ class BrickView:
         return max(near, first - more), min(far, last + more)
 
     def _farthest(self) -> float:
-        return max(self.depths()[1], 0.0)
+        return max(self.depths[1], 0.0)
 
     def _widening(self, depth: float) -> float:
         """By how much the filter widens supports, at most."""
@@ -284,14 +289,6 @@ class BrickView:
         """Return the rectangle of pixels that a brick can change, or None where there are none."""
         return self.places.footprint(number)
 
-    def window(self, number: int) -> tuple[Rect, Camera] | None:
-        """Return the pixels of a brick's footprint and their camera; None where it changes none."""
-        rect = self.footprint(number)
-        if rect is None:
-            return None
-        x0, y0, x1, y1 = rect
-        return rect, window_of(self.camera, self.size, (x0, y0), (x1 - x0, y1 - y0))
-
     def outline(self, number: int) -> NDArray[np.bool_]:
         """Return which pixels of its footprint a brick can change, (h, w): those whose rays meet its cell."""
         return self.places.outline(number)
@@ -343,6 +340,19 @@ class BrickView:
         if self.options["filter"] is not None or (self.lattice is None and not self.whole.is_mean):
             return math.inf
         return 1.0 if self.lattice is None else self.lattice.largest_sum
+
+
+def figures(view: BrickView, counts: NDArray[np.int64], of_light: int) -> dict[str, float]:
+    """Return the figures of a picture; `counts`: `Counts.of_picture`, `of_light`: how many bricks made its light."""
+    reads, count, drawn, coarse = counts.tolist()
+    return {
+        "bricks": float(len(view.partition)),
+        "bricks_drawn": float(drawn),
+        "bricks_read": float(reads),
+        "bytes_read": float(count),
+        "bricks_coarse": float(coarse),
+        "bricks_of_light": float(of_light),
+    }
 
 
 def shows(function: TransferFunction, low: float, high: float) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sheetsplat._checks import Bounds, Triple
+from sheetsplat._checks import Bounds
 from sheetsplat.bricks.lattice import LatticeSpec
 from sheetsplat.camera import Camera
 from sheetsplat.fields import EllipsoidField
@@ -32,8 +32,6 @@ class Whole:
         Distance of slices, and reference length, unless given; world units.
     largest_reach
         Largest semi-axis of any kernel, world units.
-    semi_axes
-        Those of every kernel of a lattice, along x, y, z; None for scattered kernels.
     falloff
         k of the kernels.
     is_mean
@@ -49,14 +47,13 @@ class Whole:
     value_range: tuple[float, float]
     default_slice_spacing: float
     largest_reach: float
-    semi_axes: Triple | None = None
     falloff: float = 8.0
     is_mean: bool = False
     base: float = 0.0
     lattice: LatticeSpec | None = None
 
     @classmethod
-    def of_lattice(cls, lattice: LatticeSpec, value_range: tuple[float, float], centres: Bounds | None = None) -> Whole:
+    def of_lattice(cls, lattice: LatticeSpec, value_range: tuple[float, float], centres: Bounds) -> Whole:
         """Return the facts of a lattice.
 
         Parameters
@@ -66,17 +63,14 @@ class Whole:
         value_range
             As above; that of the samples bounds nothing where there is a prefilter, but a rough one does.
         centres
-            The box of the samples that are there, where some are NaN and left out.
+            The box of the samples that are there: some may be NaN and left out.
         """
-        box = lattice.centres if centres is None else centres
-        axes = lattice.semi_axes
         return cls(
-            centres=box,
-            supports=(lattice.supports(box),),
+            centres=centres,
+            supports=(lattice.supports(centres),),
             value_range=value_range,
             default_slice_spacing=lattice.default_slice_spacing,
-            largest_reach=max(axes),
-            semi_axes=axes,
+            largest_reach=max(lattice.semi_axes),
             falloff=lattice.falloff,
             base=lattice.base,
             lattice=lattice,
@@ -91,12 +85,6 @@ class Whole:
     def is_filled(self) -> bool:
         """Whether kernels reach every point of the domain."""
         return self.lattice is not None and self.lattice.fills
-
-    @classmethod
-    def of_kernels(cls, field: EllipsoidField) -> Whole:
-        """Return the facts of scattered kernels that fit into memory."""
-        scales = np.asarray(field.scales)
-        return cls.of_bricks(field, (field.bounds,), float(scales.max()) if scales.size else 0.0)
 
     @classmethod
     def of_bricks(cls, field: EllipsoidField, supports: tuple[Bounds, ...], longest: float) -> Whole:
@@ -133,8 +121,8 @@ class Whole:
             What the filter adds to the kernels' extent along the view, squares added; world units.
         """
         eye, back = np.asarray(camera.eye), np.asarray(camera.world_axes()[2])
-        if self.semi_axes is not None and self.lattice is not None:
-            half = math.hypot(float(np.linalg.norm(np.asarray(self.semi_axes) * back)), widening)
+        if self.lattice is not None:
+            half = math.hypot(float(np.linalg.norm(np.asarray(self.lattice.semi_axes) * back)), widening)
             behind, ahead = self.lattice.reach_along(self.centres, eye, back)
             return -ahead - half, -behind + half
         boxes, half = np.asarray(self.supports), widening

@@ -7,6 +7,7 @@ import uuid
 import weakref
 from dataclasses import dataclass, field
 from typing import Any
+from weakref import WeakKeyDictionary, WeakValueDictionary
 
 from sheetsplat._sheetsplat import __version__
 from sheetsplat._waiting import ask
@@ -26,17 +27,17 @@ class _Held:
 
     Attributes
     ----------
-    owners
-        Identities of the objects that exist as long as that.
     places
         Which worker each brick or piece is asked of.
     sent
         Futures of sources that the workers were sent, by their texts.
+    kept
+        Of one picture, by what it depends on: the future, and those who had a part in it.
     """
 
-    owners: set[int] = field(default_factory=set)
     places: dict[int, str] = field(default_factory=dict)
     sent: dict[str, Any] = field(default_factory=dict)
+    kept: dict[bytes, tuple[Any, frozenset[str]]] = field(default_factory=dict)
 
 
 class Workers:
@@ -48,10 +49,9 @@ class Workers:
         self._checked: set[str] = set()
         # Dask's processes count by spans as long as they live, and each picture would be a new one.
         self.span = {"name": ("sheetsplat",), "ids": (uuid.uuid4().hex,)}
-        # By the token of the data.
-        self._held: dict[str, _Held] = {}
-        # Of one picture, by what it depends on: the future, those who had a part in it, and the token of its data.
-        self._kept: dict[bytes, tuple[Any, frozenset[str], str]] = {}
+        # By the token of the data; as long as one of the objects is there that exist as long as anything shows these.
+        self._held: WeakValueDictionary[str, _Held] = WeakValueDictionary()
+        self._owned: WeakKeyDictionary[Any, _Held] = WeakKeyDictionary()
 
     def check(self) -> None:
         """Raise an error where there is no worker, or one with another version of this package."""
@@ -96,22 +96,9 @@ class Workers:
 
     def held(self, source: Any) -> _Held:
         """Return what workers have of the data of a source; it is let go with the last source that shows them."""
-        held = self._held.get(source.token, _Held())
-        owner = getattr(source, "owner", source)
-        if id(owner) not in held.owners:
-            held.owners.add(id(owner))
-            weakref.finalize(owner, _let_go, weakref.ref(self), source.token, id(owner)).atexit = False
-        self._held[source.token] = held
+        held = self._held.get(source.token) or _Held()
+        self._held[source.token] = self._owned[getattr(source, "owner", source)] = held
         return held
-
-    def let_go(self, token: str, owner: int) -> None:
-        """Forget what workers have of data that nothing shows any more."""
-        held = self._held.get(token)
-        if held is not None:
-            held.owners.discard(owner)
-            if not held.owners:
-                del self._held[token]
-                self._kept = {key: kept for key, kept in self._kept.items() if kept[2] != token}
 
     def place(self, source: Any, number: int) -> str:
         """Return the worker that a brick is asked of: the same one as before while it is there."""
@@ -121,20 +108,23 @@ class Workers:
             found = places[number] = self.workers[number % len(self.workers)]
         return found
 
-    def kept(self, key: bytes) -> Any:
-        """Return the future of what an earlier picture made, or None."""
-        found, workers, _ = self._kept.get(key, (None, frozenset(), ""))
+    def kept(self, key: bytes, source: Any) -> Any:
+        """Return the future of what an earlier picture of a source made, or None."""
+        found, workers = self.held(source).kept.get(key, (None, frozenset()))
         # What is made by workers that are gone would be waited for in vain.
         usable = found is not None and found.status in ("pending", "finished") and workers <= set(self.workers)
         return found if usable else None
 
     def keep(self, key: bytes, future: Any, source: Any) -> None:
         """Keep what one picture of a source makes for those after it, in place of what was kept before."""
-        self._kept = {key: (future, frozenset(self.workers), source.token)}
+        for held in list(self._held.values()):
+            held.kept.clear()
+        self.held(source).kept[key] = future, frozenset(self.workers)
 
     def drop_unfinished(self) -> None:
         """Give up what was to be kept and is not made yet, unless a picture waits for it."""
-        self._kept = {key: kept for key, kept in self._kept.items() if kept[0].status == "finished"}
+        for held in list(self._held.values()):
+            held.kept = {key: kept for key, kept in held.kept.items() if kept[0].status == "finished"}
 
     def sent(self, client: Any, source: Any) -> Any:
         """Return what tasks take for a source: one with large arrays is sent to the workers once."""
@@ -144,12 +134,6 @@ class Workers:
         if key not in sent or sent[key].status != "finished":
             sent[key] = self.watch.call(lambda: client.scatter(source, hash=False))
         return sent[key]
-
-
-def _let_go(cluster: weakref.ref[Workers], token: str, owner: int) -> None:
-    known = cluster()
-    if known is not None:
-        known.let_go(token, owner)
 
 
 # By the identity of the client, which cannot be a key where it is compared by something else.

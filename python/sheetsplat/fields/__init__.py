@@ -2,12 +2,13 @@
 
 from sheetsplat.fields.base import Field, Normalization, as_fields, default_spacing, joined_bounds
 from sheetsplat.fields.bricked import BrickedField
-from sheetsplat.fields.bricked_kernels import BrickedKernels, KernelFacts, any_in_bricks, has_values_at_points
+from sheetsplat.fields.bricked_kernels import Bricked, BrickedKernels, KernelFacts, any_in_bricks, has_values_at_points
 from sheetsplat.fields.ellipsoid import EllipsoidField
 from sheetsplat.fields.regular import Boundary, Lattice, NanPolicy, RegularField, as_samples
 
 __all__ = [
     "Boundary",
+    "Bricked",
     "BrickedField",
     "BrickedKernels",
     "EllipsoidField",

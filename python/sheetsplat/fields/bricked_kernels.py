@@ -190,9 +190,13 @@ class BrickedKernels(EllipsoidField):
         )
 
 
+#: A field whose data are read in bricks.
+Bricked = BrickedField | BrickedKernels
+
+
 def any_in_bricks(fields: Iterable[Field]) -> bool:
     """Return whether one of some fields is read in bricks."""
-    return any(isinstance(field, BrickedField | BrickedKernels) for field in fields)
+    return any(isinstance(field, Bricked) for field in fields)
 
 
 def has_values_at_points(field: Field) -> bool:

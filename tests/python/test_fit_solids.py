@@ -270,7 +270,7 @@ def test_walls_too_thin_to_fill_are_told(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(_solid, "_USUAL", 500)
     monkeypatch.setattr(_solid, "_MOST_UNASKED", 2000)
     hollow = ball()
-    with pytest.warns(PictureWarning, match="walls of the mesh are 0.009.* thick.* have gaps"):
+    with pytest.warns(PictureWarning, match="gaps in walls of the mesh: they are 0.009.* thick"):
         kernels = fit.solid(*joined(ball(), turned((0.99 * hollow[0], hollow[1]))))
     assert 1000 < len(kernels.values) < 4000
 

@@ -92,7 +92,7 @@ def merge_kernel_surveys(parts: Sequence[KernelSurvey], name: str) -> KernelSurv
         if one.columns != first.columns or one.template != first.template:
             raise complain(
                 f"{name} cannot be opened in bricks",
-                f"pieces that are not alike: {_told(first)}, and {_told(one)}",
+                f"pieces of different kinds: {_told(first)}, and {_told(one)}",
                 "the same kinds of kernels everywhere",
             )
     ends = np.concatenate([one.ends for one in parts])

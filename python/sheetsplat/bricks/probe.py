@@ -26,7 +26,7 @@ class Probing:
     lattice, partition
         The volume.
     value_range
-        Of all its samples, counted from its base.
+        Of all its samples, offset by its base.
     columns
         How many of D, W and their derivatives are wanted.
     """

@@ -1,3 +1,4 @@
+// What Python sees of cameras.
 #include <array>
 #include <optional>
 

@@ -1,3 +1,4 @@
+// What Python sees of devices.
 #include "convert.hpp"
 #include "registrars.hpp"
 #include "released.hpp"

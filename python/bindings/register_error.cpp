@@ -1,3 +1,4 @@
+// What Python sees of errors.
 #include <new>
 #include <stdexcept>
 #include <string>

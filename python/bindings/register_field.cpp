@@ -1,3 +1,4 @@
+// What Python sees of fields.
 #include <cstddef>
 #include <cstdint>
 #include <map>

@@ -1,3 +1,4 @@
+// What Python sees of pictures.
 #include <memory>
 #include <vector>
 

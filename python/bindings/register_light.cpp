@@ -1,3 +1,4 @@
+// What Python sees of lights, materials and light volumes.
 #include <algorithm>
 #include <cstdint>
 #include <memory>

@@ -1,3 +1,4 @@
+// What Python sees of plans.
 #include <memory>
 
 #include "convert.hpp"

@@ -1,3 +1,4 @@
+// What Python sees of the renderer.
 #include <algorithm>
 #include <atomic>
 #include <chrono>

@@ -1,3 +1,4 @@
+// What Python sees of scenes.
 #include <memory>
 #include <optional>
 #include <tuple>

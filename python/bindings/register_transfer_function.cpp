@@ -1,3 +1,4 @@
+// What Python sees of transfer functions.
 #include <pybind11/numpy.h>
 
 #include "convert.hpp"

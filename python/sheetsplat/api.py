@@ -184,9 +184,7 @@ def _refuse_one_for_each(count: int, look: Mapping[str, Any]) -> None:
                 unusable(f"render: {name}"),
                 f"{shown(given)} for {count} fields",
                 "one for the sum of all fields",
-                "to classify each field by itself, pass "
-                + option_ref("transfer_function", "...")
-                + ", a list with a TransferFunction.from_colormap(cmap, opacity, clim) for each",
+                "pass " + option_ref("transfer_function", "...") + ", a list with a TransferFunction for each field",
                 option=name,
             )
 

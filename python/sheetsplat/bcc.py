@@ -329,7 +329,7 @@ def _coefficients(
         raise complain(
             "the volume cannot be resampled to a BCC lattice",
             "samples that are not finite in float32",
-            "finite samples, since a filter spreads what is not",
+            "finite samples",
             "replace them first, for example with numpy.nan_to_num",
         )
     if method in ("linear", "nearest"):

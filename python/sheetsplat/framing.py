@@ -79,9 +79,9 @@ def _check_digits(scene: Scene) -> None:
     farthest = float(np.abs(np.asarray(bounds_of(scene))).max()) if not _is_empty(scene) else 0.0
     if np.spacing(farthest) > _COARSEST * scene.slice_spacing:
         raise complain(
-            "the data cannot be drawn where they are",
+            "the data cannot be drawn there",
             f"positions up to {farthest:g}, which float64 resolves to {np.spacing(farthest):.3g}",
-            f"a resolution finer than the slice distance, {scene.slice_spacing:.3g}",
+            f"less than the slice distance, {scene.slice_spacing:.3g}",
             "subtract a common offset from all positions",
         )
 

@@ -127,7 +127,7 @@ class _Samples:
     def of(cls, fields: tuple[Field, ...], points: Floats) -> _Samples:
         """Return the scalar of all fields together, its gradient, whether any is not empty, and where they do not end.
 
-        The fields end alike, or nowhere.
+        The fields end at one place, or nowhere.
         """
         values, slopes, reached = np.zeros(len(points)), np.zeros((len(points), 3)), np.zeros(len(points), bool)
         for field in fields:

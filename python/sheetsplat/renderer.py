@@ -475,7 +475,7 @@ class Renderer:
             return
         warn(
             f"{unmet.count} kernels, {100.0 * unmet.share:.3g} % of what shows, lie between slices and are not seen: "
-            f"they reach {unmet.thinnest:.3g} along the view, and slices are {shown.slice_spacing:.3g} apart; "
+            f"their length is {unmet.thinnest:.3g}, the slice distance {shown.slice_spacing:.3g}; "
             + option_ref("filter", "ewa")
             + " spreads them, "
             + option_ref("slice_spacing", f"{unmet.thinnest:.3g}")

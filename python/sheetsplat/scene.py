@@ -56,9 +56,8 @@ def _groups(field: object, transfer_function: object) -> Groups:
         raise complain(
             "Scene: field and transfer_function do not fit together",
             f"groups of fields: {len(groups)}, transfer functions: {len(functions)}",
-            "a transfer function for each group",
-            "Scene([a, b], [tf_a, tf_b]) classifies each field by itself, Scene([[a, b], c], [tf_ab, tf_c]) the sum of "
-            "a and b, Scene([a, b], tf) the sum of all fields",
+            "one for each group",
+            "Scene([a, b], [tf_a, tf_b]), or for their sum Scene([a, b], tf)",
         )
     return list(zip(groups, functions, strict=True))
 

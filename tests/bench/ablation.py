@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 import sheetsplat as ss
+from bench.generators import flows
 from bench.lab import lab_renderer
 from bench.measure import Judge, attempt, device_of, difference, frames_and_error, need_gl, orbit, renderer_for, require
 from bench.report import Options, Report, Row, columns, environment
@@ -111,7 +112,7 @@ def _stages(options: Options) -> dict[str, Callable[[], _Stage]]:
         # Opacity stays per the Cartesian distance: the default would be the BCC lattice's shorter one.
         return around(made.scene(field=field, reference_length=min(made.spacing)), name)
 
-    vortex = partial(datasets.vortex, edge)
+    vortex = partial(flows.vortex, edge)
     signal = partial(datasets.marschner_lobb, options.edge(64), 3.0)
     return {
         "ball": lambda: around(datasets.noisy_ball(edge).scene()),

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sheetsplat as ss
+from bench.generators import flows
 from bench.measure import Judge, data_file, device_of, frames_and_error, measured_rows, orbit, renderer_for
 from bench.report import Options, Report, Row, columns, environment
 from sheetsplat import datasets
@@ -67,11 +68,11 @@ def _foot(options: Options) -> Loaded:
     return half, (spacing[0], 2.0 * spacing[1], 2.0 * spacing[2]), "Visible Male, halved (stand-in)"
 
 
-_vortex = _generated(lambda options: datasets.vortex(options.edge(128, 32)))
+_vortex = _generated(lambda options: flows.vortex(options.edge(128, 32)))
 _turbulence = _generated(
-    lambda options: datasets.turbulence((options.edge(129, 33), options.edge(129, 33), options.edge(104, 26)))
+    lambda options: flows.turbulence((options.edge(129, 33), options.edge(129, 33), options.edge(104, 26)))
 )
-_jet = _generated(lambda options: datasets.jet(options.edge(256, 32)))
+_jet = _generated(lambda options: flows.jet(options.edge(256, 32)))
 _bonsai = _file("bonsai_256x256x256_uint8.nrrd", "bonsai")
 _head = _file("cthead_128x128x113_uint8.nrrd", "CT head, 113 slices")
 _engine = _file("engine_256x256x128_uint8.nrrd", "engine")

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import os
 import statistics
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 import sheetsplat as ss
+from bench.generators import solids
+from bench.generators.solids import Solid
 from bench.lab import lab_renderer
 from bench.measure import (
     Judge,
     clock,
     data_file,
-    data_folder,
     device_of,
     frames_and_error,
     measured_rows,
@@ -28,7 +25,7 @@ from bench.measure import (
 )
 from bench.pictures import keep
 from bench.report import Goal, Options, Report, Row, columns, environment
-from sheetsplat import datasets, fit
+from sheetsplat import fit
 from sheetsplat.io import read_scattered
 
 # Factor of the solids' suggested opacities, which would hide the interior.
@@ -70,28 +67,11 @@ def _flow(grid: str, solution: str, source: str) -> Callable[[Options], _Loaded]
     return loaded
 
 
-@contextmanager
-def _data_at(folder: Path) -> Iterator[None]:
-    """Let data sets look for their files in a folder."""
-    before = os.environ.get("SHEETSPLAT_DATA")
-    os.environ["SHEETSPLAT_DATA"] = str(folder)
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ["SHEETSPLAT_DATA"]
-        else:
-            os.environ["SHEETSPLAT_DATA"] = before
-
-
-def _solid(make: Callable[..., Any], kernels: int, source: str, *files: str) -> Callable[[Options], _Loaded]:
+def _solid(make: Callable[..., Solid], kernels: int, source: str, *files: str) -> Callable[[Options], _Loaded]:
     def loaded(options: Options) -> _Loaded:
-        for name in files:
-            data_file(options, name)
-        with _data_at(data_folder(options)):
-            made = make(options.count(kernels, 500))
-        points = [(*point[:4], _THINNER * point[4]) for point in made.suggested["points"]]
-        return _Loaded(made.kernels, points, source, made.suggested["direction"])
+        made = make(*(data_file(options, name) for name in files), kernels=options.count(kernels, 500))
+        points = [(*point[:4], _THINNER * point[4]) for point in made.points]
+        return _Loaded(made.kernels, points, source, made.direction)
 
     return loaded
 
@@ -104,22 +84,22 @@ PICTURES = {
         _flow("combxyz.bin.gz", "combq.bin.gz", "NASA Combustor, density"), "39k (35k)", "8.3-27.4", 1.9
     ),
     "Chess Pc.": Picture(
-        _solid(datasets.chess_piece, 84_000, "chess knight, bent (stand-in)", "mesh_chess_knight.obj"),
+        _solid(solids.chess_piece, 84_000, "chess knight, bent (stand-in)", "mesh_chess_knight.obj"),
         "84k (63k)",
         "1.9-25",
         3.5,
     ),
     "Monster": Picture(
-        _solid(datasets.monster, 91_000, "cow Spot, bent (stand-in)", "mesh_spot.obj"), "91k (60k)", "2.5-3.0", 4.0
+        _solid(solids.monster, 91_000, "cow Spot, bent (stand-in)", "mesh_spot.obj"), "91k (60k)", "2.5-3.0", 4.0
     ),
     "Toy Car": Picture(
-        _solid(datasets.toy_car, 173_000, "toy cannon, bent (stand-in)", "mesh_toy_cannon.obj"),
+        _solid(solids.toy_car, 173_000, "toy cannon, bent (stand-in)", "mesh_toy_cannon.obj"),
         "173k (117k)",
         "2.0-4.3",
         2.2,
     ),
     "Toy Train": Picture(
-        _solid(datasets.toy_train, 199_000, "generated train, bent (stand-in)"), "199k (139k)", "2.0-4.0", 2.1
+        _solid(solids.toy_train, 199_000, "generated train, bent (stand-in)"), "199k (139k)", "2.0-4.0", 2.1
     ),
 }
 

@@ -430,7 +430,7 @@ def test_paused_workers_let_go_of_what_they_keep_or_are_named(samples, monkeypat
         assert again.stats["bricks_read"] > 0
         # Paused for ever.
         client.run(_pause, None)
-        with pytest.raises(ss.OutOfMemory, match="2 workers that dask has paused"):
+        with pytest.raises(ss.OutOfMemory, match="2 workers paused for lack of memory"):
             ss.render(bricked, client=client, **options)
         client.run(_run)
         np.testing.assert_array_equal(first.pixels, ss.render(bricked, client=client, **options).pixels)

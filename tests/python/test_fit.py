@@ -405,7 +405,7 @@ _PLANE = CLOUD[:, :2] @ np.array([[0.3, 0.5, 0.1], [-0.7, 0.2, 0.9]])
                 np.ones(31),
                 cells=[[[0, 30, 0, 30]], [[1, 2, 3, 4], [5, 6, 7, 8]]],
             ),
-            "at the position of all their neighbours",
+            "where all their neighbours are",
         ),
         (lambda: fit.nearest(CLOUD[:12], np.ones(12)), "12 different positions.*more than neighbors = 12"),
         (lambda: fit.nearest(CLOUD[:1], [1], neighbors=1), "1 different positions"),

@@ -94,6 +94,37 @@ def test_no_private_name_of_another_module_is_imported():
     assert wrong == []
 
 
+# ---- messages are short
+
+
+def words(node: ast.AST) -> str:
+    """Return the words of a text in the source; what is put in counts as one, of two texts the longer one."""
+    if isinstance(node, ast.Constant):
+        return str(node.value or "")
+    if isinstance(node, ast.JoinedStr):
+        return "".join(str(part.value) if isinstance(part, ast.Constant) else "_" for part in node.values)
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
+        return words(node.left) + words(node.right)
+    if isinstance(node, ast.IfExp):
+        return max(words(node.body), words(node.orelse), key=len)
+    return " _ "
+
+
+def long_messages(tree: ast.AST) -> list[int]:
+    """Return the lines of errors and warnings of more than 30 words."""
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)]
+    told = [call for call in calls if call.func.id in ("complain", "unreadable", "warn")]  # type: ignore[attr-defined]
+    return [call.lineno for call in told if len(" ".join(map(words, call.args)).split()) > 30]
+
+
+def test_errors_and_warnings_have_at_most_30_words():
+    found = {name: long_messages(ast.parse(path.read_text(encoding="utf-8"))) for name, path in FILES.items()}
+    assert {name: lines for name, lines in found.items() if lines} == {}
+    # The check can fail.
+    assert long_messages(ast.parse(f"complain('{'word ' * 15}', f'{'word ' * 15}{{x}}')")) == [1]
+    assert long_messages(ast.parse(f"complain('{'word ' * 15}', f'{'word ' * 14}{{x}}')")) == []
+
+
 # ---- messages are no interface
 
 

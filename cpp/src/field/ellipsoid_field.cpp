@@ -1,3 +1,4 @@
+// Scattered ellipsoids: their arrays, validation and ranges.
 #include <algorithm>
 #include <cmath>
 #include <limits>

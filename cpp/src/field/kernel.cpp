@@ -1,3 +1,4 @@
+// The mass of a kernel in closed form. Source: conventions, section 2.
 #include <cmath>
 
 #include "sheetsplat/field.hpp"

@@ -1,3 +1,4 @@
+// Regular volumes: their samples, places, validation and ranges.
 #include <algorithm>
 #include <cstdint>
 #include <cstring>

@@ -1,3 +1,4 @@
+// Buffers of OpenGL.
 #include <algorithm>
 #include <cstring>
 #include <limits>

@@ -1,3 +1,4 @@
+// Framebuffers of OpenGL.
 #include <algorithm>
 #include <string>
 

@@ -1,3 +1,4 @@
+// Pixels that are read back from OpenGL without waiting.
 #include <cstring>
 #include <string>
 

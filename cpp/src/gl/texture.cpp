@@ -1,3 +1,4 @@
+// Textures of OpenGL.
 #include <algorithm>
 #include <string>
 

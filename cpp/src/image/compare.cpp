@@ -1,3 +1,4 @@
+// Distances between pictures. Source: conventions, section 8.
 #include <algorithm>
 #include <cmath>
 #include <cstddef>

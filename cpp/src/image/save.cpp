@@ -1,3 +1,4 @@
+// Pictures as PNG and PFM files, which appear whole or not at all.
 #include <fcntl.h>
 #include <png.h>
 #include <unistd.h>

@@ -1,3 +1,4 @@
+// Start cells of kernels in a spatial grid ([NM06] section 4.2).
 #include <algorithm>
 #include <array>
 #include <string>

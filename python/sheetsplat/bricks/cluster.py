@@ -214,10 +214,9 @@ class _Stalled:
         elif paused and now - self._moved > _GIVEN_UP:
             raise complain(
                 f"{self._what} cannot be drawn",
-                f"{len(paused)} workers that dask has paused, the first one at {paused[0]}: they take most of their "
-                "memory without any brick",
+                f"{len(paused)} workers paused for lack of memory, the first at {paused[0]}",
                 "workers with memory left",
-                "give workers more memory, use smaller bricks, or let other fields in bricks go",
+                "give them more memory, use smaller bricks, or free other bricks",
                 kind=OutOfMemory,
             )
 

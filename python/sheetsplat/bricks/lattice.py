@@ -62,7 +62,7 @@ class LatticeSpec:
     spacing, origin, lattice, radius, falloff, normalization, w0, nan, prefilter, boundary
         As for `RegularField`.
     base
-        The value that all are counted from.
+        The value that all are offset by.
     has_holes
         Whether samples are missing (NaN).
 
@@ -113,7 +113,7 @@ class LatticeSpec:
 
     @property
     def largest_sum(self) -> float:
-        """Largest scalar, counted from the base, that kernels of factor 1 add up to."""
+        """Largest scalar, offset by the base, that kernels of factor 1 add up to."""
         if self.normalization == "threshold" or self.least_weight > 0.0:
             return 1.0
         ripple = lattice_ripple(self.radius, self.falloff, lattice=self.lattice, normalization="none")
@@ -289,7 +289,7 @@ class LatticeSpec:
         box
             As `around` gives it.
         value_range
-            Range of the factors of all kernels of the whole volume, counted from its base, by which the picture's
+            Range of the factors of all kernels of the whole volume, offset by its base, by which the picture's
             numbers are scaled: of the samples, with `prefilter` of the coefficients.
         """
         read = self.to_read(box)

@@ -109,7 +109,7 @@ def _kernels(source: Any) -> KernelSource:
 
 
 def _factors(field: BrickedField, values: tuple[float, float]) -> tuple[float, float]:
-    """Return bounds of the factors of kernels, counted from the base, by those of the samples."""
+    """Return bounds of the factors of kernels, offset by the base, by those of the samples."""
     low, high = values[0] - field.base, values[1] - field.base
     amplified = field.prefilter_condition
     if amplified is None or low == high:
@@ -156,7 +156,7 @@ def _range_of(field: Bricked, view: BrickView, number: int) -> tuple[float, floa
 def factors_in(field: BrickedField, samples: Box) -> tuple[float, float]:
     """Return bounds of the factors of the kernels that depend on no samples but those of a box.
 
-    Counted from the base; the box is one of samples of the volume, as `LatticeSpec.to_read` gives it.
+    Offset by the base; the box is one of samples of the volume, as `LatticeSpec.to_read` gives it.
     """
     needed, cores = np.asarray(samples), field.survey.cores
     near = ((cores[:, :, 0] < needed[:, 1]) & (cores[:, :, 1] > needed[:, 0])).all(axis=1)

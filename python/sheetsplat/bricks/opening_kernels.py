@@ -153,7 +153,7 @@ def open_kernels(
     Raises
     ------
     InvalidInput
-        For pieces that are not alike, and what reading them raises.
+        For pieces of different kinds, and what reading them raises.
     Error
         Where sorted kernels cannot be kept.
     """

@@ -332,7 +332,7 @@ class Survey:
 
     @property
     def base(self) -> float:
-        """What values are counted from unless it is given: see `RegularField`."""
+        """The offset of values unless it is given: see `RegularField`."""
         if self.first is None:
             return 0.0
         enough = -(-(self.size - self.missing) // 100)

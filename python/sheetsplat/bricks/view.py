@@ -321,7 +321,7 @@ class BrickView:
         return shows(self.transfer_function, low + self.whole.base, high + self.whole.base)
 
     def _scalars(self, value_range: tuple[float, float]) -> tuple[float, float]:
-        """Return bounds of the scalar counted from the base, 0 included, by those of the factors of kernels."""
+        """Return bounds of the scalar offset by the base, 0 included, by those of the factors of kernels."""
         factor = self._largest_sum
         if not math.isfinite(factor):
             return -math.inf, math.inf
@@ -369,7 +369,7 @@ def _refuse(settings: Mapping[str, Any]) -> None:
             raise complain(
                 "a picture cannot be drawn in bricks",
                 option_ref(name),
-                "a picture without it: settings are chosen by trial pictures of the whole field",
+                "a picture without trial pictures of the whole field",
                 "leave it out, or draw the field in one piece",
                 kind=Unsupported,
                 option=name,

@@ -26,7 +26,7 @@ class Whole:
         Boxes that together hold all supports, those of mirrored samples included: one of a lattice, one of each brick
         of scattered kernels.
     value_range
-        Smallest and largest factor of a kernel, counted from the base: samples, or coefficients of a prefiltered
+        Smallest and largest factor of a kernel, offset by the base: samples, or coefficients of a prefiltered
         lattice, or values.
     default_slice_spacing
         Distance of slices, and reference length, unless given; world units.
@@ -37,7 +37,7 @@ class Whole:
     is_mean
         Whether the scalar is a weighted mean of values, and of the base where few weights add up.
     base
-        What values are counted from.
+        The offset of values.
     lattice
         The lattice; None for scattered kernels.
     """

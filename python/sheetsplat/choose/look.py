@@ -116,8 +116,8 @@ def _warn_of_strays(scene: Scene) -> None:
         whole, most = math.dist(lower, upper), math.dist(low, high)
         if most < _FAR_APART * whole:
             warn(
-                f"slices are {scene.slice_spacing:.3g} apart, and kernels {wanted:.3g} thin: few kernels lie so far "
-                f"from all others that the data are {whole:.3g} long instead of {most:.3g}; leave them out, or pass "
+                f"coarse slices: {scene.slice_spacing:.3g} apart, kernels {wanted:.3g} thin; a few far kernels make "
+                f"the data {whole:.3g} long instead of {most:.3g}; leave them out, or pass "
                 + option_ref("slice_spacing", f"{wanted:.3g}")
             )
 

@@ -13,7 +13,7 @@ from sheetsplat.options.picture import PictureOptions
 from sheetsplat.options.quality import QualityOptions
 from sheetsplat.options.renderer import Backend, RendererOptions
 
-_DATASETS = ("marschner_lobb", "noisy_ball", "tubes", "vortex", "turbulence", "jet")
+_DATASETS = ("marschner_lobb", "noisy_ball", "tubes")
 
 
 @click.command("demo")

@@ -97,9 +97,9 @@ def _of_frames(frames: Floats, start: int, *, flat: bool) -> tuple[Floats, Float
         n = _first(bad, start)
         raise complain(
             "EllipsoidField: a frame cannot be used",
-            f"columns of the frame of kernel {n} with a cosine of {lean[n - start]:g} between them",
-            "columns at right angles, with cosines of at most 1e-3",
-            "for frames that are not orthogonal use EllipsoidField.from_covariances with M Mᵀ / (2 falloff)",
+            f"columns of frame {n} with a cosine of {lean[n - start]:g} between them",
+            "cosines of at most 1e-3",
+            "use EllipsoidField.from_covariances with M Mᵀ / (2 falloff)",
         )
     some = missing.any(axis=1)
     if some.any():

@@ -64,7 +64,7 @@ class Field(ABC):
     normalization = Forwarded[str]("_normalization", 'One of "none", "lattice" and "threshold".')
     w0 = Forwarded[float]("_w0", 'Threshold of the weight sum, for normalisation "threshold".')
     base = Forwarded[float](
-        "native.base", "What values are counted from: the scalar where no kernel reaches. Conventions, section 2."
+        "native.base", "The offset of values: the scalar where no kernel reaches. Conventions, section 2."
     )
     size = Forwarded[int]("native.size", "Number of kernels, skipped samples excluded.")
     bounds = Forwarded[Bounds](
@@ -245,7 +245,7 @@ class Field(ABC):
         return self.base + self._counted(sums)
 
     def _counted(self, sums: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return scalars counted from the base of sums D, W."""
+        """Return scalars, offset by the base, of sums D, W."""
         total, weight, least = sums[:, 0], sums[:, 1], self._least_divisor
         if least is not None:
             return np.asarray(total / np.maximum(least, weight))

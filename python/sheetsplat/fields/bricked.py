@@ -70,7 +70,7 @@ class Survey(Samples, Protocol):
 
     @property
     def base(self) -> float:
-        """What values are counted from unless it is given."""
+        """The offset of values unless it is given."""
 
     def centres(self, lattice: str) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
         """Return the first and the last step of lattice planes with samples along x, y, z."""

@@ -97,7 +97,7 @@ class EllipsoidField(Field):
     weights
         (N,), at least 0 and not all 0; 1 unless given.
     normalization
-        How sums become the scalar, counted from `base`: "threshold" (D / max(w0, W), [NM06] eq. 20), "none" (D), or
+        How sums become the scalar, offset by `base`: "threshold" (D / max(w0, W), [NM06] eq. 20), "none" (D), or
         "lattice" (D/C) for kernels of equal volume.
     w0
         Threshold of "threshold", > 0. Where the sum of weights is smaller, the scalar falls to `base`.
@@ -108,7 +108,7 @@ class EllipsoidField(Field):
     cell_volume
         For "lattice": the volume that belongs to one kernel.
     base
-        The value that all values are counted from: the scalar where no kernel reaches.
+        The value that all values are offset by: the scalar where no kernel reaches.
 
     Raises
     ------
@@ -247,7 +247,7 @@ class EllipsoidField(Field):
         if weights is not None and not weights.any():
             # A field needs a weight above 0; those of 0 are drawn as this.
             weights = np.full_like(weights, _LEAST_WEIGHT)
-        # The native range is counted from the base.
+        # The native range is offset by the base.
         low, high = value_range[0] - self._base, value_range[1] - self._base
         native = self._made(centers, scales, rotations, values, weights, unit_rotations=True, value_range=(low, high))
         return self._with(native=native)

@@ -138,7 +138,7 @@ class RegularField(Field):
     falloff
         k of the kernel (exp(−k r²) − exp(−k)) / (1 − exp(−k)).
     normalization
-        How sums become the scalar, counted from `base`: "none" (D), "lattice" (D/C) or "threshold" (D / max(w0, W)).
+        How sums become the scalar, offset by `base`: "none" (D), "lattice" (D/C) or "threshold" (D / max(w0, W)).
     w0
         Threshold of "threshold", > 0.
     prefilter
@@ -155,7 +155,7 @@ class RegularField(Field):
         distance beyond the outermost ones (`domain`); pictures are empty outside. "zero": nothing, and the field falls
         to `base` within a kernel's radius ([NM05]). A BCC lattice of one layer counts as "zero".
     base
-        The value that all values are counted from; the scalar where no kernel reaches. Unless given, 0 with the
+        The value that all values are offset by; the scalar where no kernel reaches. Unless given, 0 with the
         boundary "zero" and with the normalisation "none"; else the value of the first sample that is not missing, if at
         least one sample in a hundred has it, else the middle between the least and the largest.
 
@@ -227,7 +227,7 @@ class RegularField(Field):
     ) -> _sheetsplat.RegularField:
         """Return the native field of some samples with this field's options.
 
-        With coefficients that were found before goes the base that they are counted from.
+        With coefficients that were found before goes the base that they are offset by.
         """
         return _sheetsplat.RegularField(
             samples,
@@ -318,7 +318,7 @@ class RegularField(Field):
         values
             Samples of the part, [k, j, i].
         value_range
-            Range of the factors of all kernels of the volume, counted from its base, by which pictures scale their
+            Range of the factors of all kernels of the volume, offset by its base, by which pictures scale their
             numbers.
         coefficients, figures
             What the prefilter found for these samples in their surroundings.

@@ -352,7 +352,7 @@ def delaunay(
     if "alone" in made:
         raise complain(
             f"{_WHAT}: the mesh cannot be used",
-            f"{len(made['alone'])} points at the position of all their neighbours, the first at "
+            f"{len(made['alone'])} points where all their neighbours are, the first at "
             + shown_place(place.points[made["alone"][0]]),
             "cells that have a volume",
             "leave out " + option_ref("cells") + " for the Delaunay neighbours",

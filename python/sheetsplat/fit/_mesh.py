@@ -143,8 +143,8 @@ def close(what: str, vertices: ArrayLike, triangles: ArrayLike) -> ClosedMesh:
         raise complain(
             f"{what}: the mesh is not closed",
             f"{len(open_edges)} boundary edges, the first from vertex {start} to vertex {end}, around ({spot})",
-            "a surface on each of whose edges triangles meet in pairs",
-            "fill the holes in a modelling program",
+            "triangles that meet in pairs",
+            "fill the holes",
         )
     flipped, shell = _orientation(what, joined, number, forward, uses)
     oriented = np.where(flipped[:, None], joined[:, ::-1], joined)
@@ -156,10 +156,9 @@ def close(what: str, vertices: ArrayLike, triangles: ArrayLike) -> ClosedMesh:
     if balance.any():
         raise complain(
             f"{what}: the mesh has no inside",
-            f"{int((balance != 0.0).sum())} edges at which more than two triangles meet, and not in pairs of opposite "
-            "direction",
+            f"{int((balance != 0.0).sum())} edges of triangles that are not in pairs of opposite direction",
             "a surface that can be oriented",
-            "split it at those edges into closed shells",
+            "split it there into closed shells",
         )
     return ClosedMesh(
         vertices=points,

@@ -186,8 +186,7 @@ def require_volume(what: str, points: Floats) -> None:
         kind = "in one plane" if flat == 1 else "on one line"
         raise complain(
             f"{what}: the points cannot be used",
-            f"{len(points)} points {kind}: they extend over {', '.join(f'{part:.3g}' for part in spread)} along their "
-            "own axes",
+            f"{len(points)} points {kind}, of extents {', '.join(f'{part:.3g}' for part in spread)}",
             "points that fill a volume",
-            "pass the points without the mesh, or use the nearest neighbours, " + option_ref("fit", "nearest"),
+            "pass them without the mesh, or " + option_ref("fit", "nearest"),
         )

@@ -182,8 +182,8 @@ def _spacing_unasked(mesh: ClosedMesh, levels: int, *, shares: bool) -> float:
         return size
     count, size = _fill_to_count(mesh, _MOST_UNASKED, levels, shares=shares)
     warn(
-        f"walls of the mesh are {wall:.3g} thick, thinner than the smallest cells of {size:.3g} that fill it, and "
-        f"have gaps; fill it with more than {count:,} kernels, or show its surface with a program for meshes"
+        f"gaps in walls of the mesh: they are {wall:.3g} thick, its smallest cells {size:.3g}; "
+        f"take more than {count:,} kernels, or show the surface with a program for meshes"
     )
     return size
 

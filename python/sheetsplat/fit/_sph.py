@@ -200,10 +200,10 @@ def sph(
             first = int(np.argmax(wrong))
             raise complain(
                 f"{_WHAT}: the weights cannot be computed",
-                f"mass {mass[first]:g}, density {density[first]:g} and smoothing length {lengths[first]:g}, "
-                f"entry {first}, whose weight is beyond float64",
-                "volumes mass / density that fit the smoothing lengths",
-                "use one system of units for all of them",
+                f"mass {mass[first]:g}, density {density[first]:g}, length {lengths[first]:g} of entry {first}, "
+                "whose weight is beyond float64",
+                "volumes that fit these lengths",
+                "use one system of units",
             )
     return Kernels(
         centers=at,

@@ -97,7 +97,7 @@ def _require_properties(path: Path, vertex: Element) -> None:
             path,
             "lists in the vertices" if vertex.has_lists else f"vertices without {listed(missing)}",
             "Gaussians: x y z, scale_0 … scale_2, rot_0 … rot_3, and opacity",
-            "only scenes of 3D Gaussian Splatting can be read; for a mesh use sheetsplat.fit.read_mesh",
+            "for a mesh use sheetsplat.fit.read_mesh",
         )
 
 

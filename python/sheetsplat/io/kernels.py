@@ -44,7 +44,7 @@ def log_base(values: NDArray[Any], what: str, floor: bool | float) -> float:
                 f"the logarithm of {what} cannot be taken",
                 f"{values.size - above.size - missing} of {values.size} values that are not above 0{smallest}",
                 "values above 0",
-                "pass " + option_ref("log", "...") + ", a floor to which all smaller values are raised",
+                "pass " + option_ref("log", "...") + ", to which smaller values are raised",
                 option="log",
             )
         return float(above.min())

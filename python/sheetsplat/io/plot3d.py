@@ -127,8 +127,8 @@ def _find(source: Source, kind: str) -> tuple[list[Layout], int]:
         raise unreadable(
             source.path,
             f"first numbers {first[0]} (little-endian) or {first[1]} (big-endian)",
-            "a binary PLOT3D file: three positive sizes, or the number of blocks and three for each",
-            "text files and sizes of two dimensions cannot be read",
+            "a binary PLOT3D file: three sizes, or the number of blocks and three for each",
+            "convert text files",
         )
     longest = source.at_most()
     size = source.length(min(longest, max(layout.size for layout in layouts) + _SURPLUS + 1))
@@ -143,9 +143,8 @@ def _find(source: Source, kind: str) -> tuple[list[Layout], int]:
     raise unreadable(
         source.path,
         f"{size} bytes" + (" or more" if size > max(layout.size for layout in layouts) else ""),
-        f"the size that a PLOT3D {kind} of its header has: "
-        + "; ".join(f"{layout.size} bytes ({layout})" for layout in choices),
-        "check that the file is complete, and of this kind"
+        f"that of a PLOT3D {kind} of its header: " + "; ".join(f"{layout.size} bytes ({layout})" for layout in choices),
+        "check that the file is complete"
         + ("" if kind == "grid" else "; pass the grid itself as " + option_ref("grid", "...")),
     )
 

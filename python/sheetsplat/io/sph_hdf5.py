@@ -210,8 +210,8 @@ def locate(source: Source, particles: str | None = None, support: float | None =
         if group.count > _MOST_SEARCHED:
             raise unreadable(
                 path,
-                f"{group.count} particles, of which the radius of a kernel in smoothing lengths is not known",
-                "that radius: 1 of Gadget, Arepo and GIZMO, 1.825742 of SWIFT's cubic spline, 2 of Gasoline and ChaNGa",
+                f"{group.count} particles, no radius of kernels in smoothing lengths",
+                "it: 1 of Gadget, Arepo and GIZMO, 1.825742 of SWIFT, 2 of Gasoline and ChaNGa",
                 "pass " + option_ref("support", "1"),
             )
         columns = [group.column(names) for names in (_SMOOTHING, _MASS, _DENSITY)]

@@ -308,9 +308,8 @@ def read_columns(data: Any, where: Where, scalar: str | None = None) -> Scattere
         raise complain(
             f"{where} cannot be used",
             f"a {type(data).__name__} with the keys {shown(names)}",
-            "columns x, y, z and others; or an array, a file, a field, or a list of fields",
-            f"choose one array, data[{first}]; sheetsplat.RegularField(data[{first}]).with_quantity({first}) has its "
-            "name for figures",
+            "columns x, y, z and others, an array, a file or fields",
+            f"choose one array: RegularField(data[{first}]).with_quantity({first})",
         )
     for name in names:
         column = np.asarray(data[name])

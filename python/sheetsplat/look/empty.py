@@ -1,4 +1,4 @@
-"""Pictures that show nothing, or all values alike, or ends that are none: whether they do, and why."""
+"""Pictures that show nothing, or one value only, or ends that are none: whether they do, and why."""
 
 from __future__ import annotations
 
@@ -226,7 +226,7 @@ def warn_of_ends(scene: Scene) -> None:
         volumes = [one for one, end in zip(group, ends, strict=True) if end is not None and one.size]
         if len(set(ends)) > 1 and any(one.base != 0.0 for one in volumes):
             warn(
-                "fields that add up end in different places: their volumes fall to 0 at their boundaries, through all "
-                "values between; give each a transfer function of its own, or join them into one array"
+                "fields that add up end in different places, and fall to 0 there; give each a transfer function of its "
+                "own, or join them into one array"
             )
             return

@@ -131,7 +131,7 @@ def _warn_of_fading(fields: Sequence[Field]) -> None:
 
 
 def _counted_from_usual(field: Field) -> Field:
-    """Return a volume whose values are counted from their median, where nobody gave a base and the data have none.
+    """Return a volume whose values are offset by their median, where nobody gave a base and the data have none.
 
     Padding is none, though many samples have it: kernels would ripple by a share of what the others differ from it.
 
@@ -183,9 +183,8 @@ def _near(field: EllipsoidField, fields: Sequence[Field]) -> EllipsoidField:
     others = f" and {len(far) - 1} more" * (len(far) > 1)
     warn(
         f"{len(far)} of {field.size} kernels, number {field.trim.number_in_data(int(far[0]))} at ({first}){others}, "
-        f"left out: more than {_FAR:g} times as far out as all others, so that slices would be "
-        f"{spacing:.3g} apart instead of {wanted:.3g}; to keep them, pass "
-        + option_ref("slice_spacing", f"{wanted:.3g}")
+        f"left out: {_FAR:g} times as far out as all others; slices would be {spacing:.3g} apart, not "
+        f"{wanted:.3g}; to keep them pass " + option_ref("slice_spacing", f"{wanted:.3g}")
     )
     kept = trimmed(field, Trim(kernels=tuple(far.tolist())))
     assert isinstance(kept, EllipsoidField)

@@ -79,7 +79,7 @@ class Option:
     Attributes
     ----------
     help
-        What it does, in sentences for Python and the command line alike; ``{name}`` refers to another option.
+        What it does, in sentences for both Python and the command line; ``{name}`` refers to another option.
     default
         The value where it is not given.
     unset

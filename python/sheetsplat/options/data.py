@@ -108,7 +108,7 @@ class KernelOptions(TypedDict, total=False):
     base: Annotated[
         float | None,
         Option(
-            "What values are counted from: the value where no kernel reaches.",
+            "The offset of values: the value where no kernel reaches.",
             unset='0 for scattered data, {boundary} "zero" and {normalization} "none"; else the value of the first '
             "sample or the median, by the data",
             value=NUMBER,

@@ -1,1 +1,1 @@
-"""What `quality` sets: kernels and their coefficients (`samples`), slices and the filter (`choose`)."""
+"""What a quality measures of the data: their samples, their slices, and kernels too small for pixels or slices."""

@@ -468,7 +468,7 @@ def _values(field: EllipsoidField, picked: NDArray[np.int64]) -> Floats:
 
 
 def _counted(field: EllipsoidField, picked: NDArray[np.int64]) -> Floats:
-    """Return the same counted from the field's base."""
+    """Return the same offset by the field's base."""
     values = field.values[picked] - field.base
     if field.normalization == "threshold":
         return np.asarray(values)

@@ -6,8 +6,12 @@ The x axis runs along the track, y up and z across it. The locomotive faces -x; 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ._dataset import Floats, Mesh, Vector
+Vector = tuple[float, float, float]
+Floats = NDArray[np.float64]
+# Vertices, (V, 3), and triangles, (T, 3).
+Mesh = tuple[Floats, NDArray[np.int64]]
 
 # Corners of a circle.
 _CORNERS = 24

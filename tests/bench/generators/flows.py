@@ -1,4 +1,4 @@
-"""Flows from a solver: vortex, turbulence and jet."""
+"""Flows from a solver, in place of the simulations of [NM05]: vortex, turbulence and jet."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bench.generators.cache import cached
+from bench.generators.spectral import Flow, Real, wave_numbers
+from sheetsplat.datasets import Dataset
+from sheetsplat.datasets._dataset import Vector, require_samples
+from sheetsplat.datasets.random_stream import Stream
 from sheetsplat.errors import complain
-
-from ._cache import cached
-from ._dataset import Dataset, Vector, require_samples
-from ._spectral import Flow, Real, wave_numbers
-from .random_stream import Stream
 
 # Increase this with every change of a flow's values; cached results of other versions are not used.
 _VERSION = 1
@@ -96,10 +96,6 @@ def vortex(n: int = 128, *, resolution: int | None = None, time: float = 7.0, ca
         Time at which the flow is shown; a vortex is one unit wide and turns at speed 1.
     cache
         Whether the result is kept in the user's cache folder and taken from there.
-
-    Examples
-    --------
-    >>> image = ss.render(ss.datasets.vortex())  # doctest: +SKIP
     """
     require_samples("vortex", n, 8)
     resolution = _resolution(resolution, n)
@@ -148,10 +144,6 @@ def turbulence(
         Time at which the flow is shown, in turns of a large eddy of unit size and speed.
     cache
         Whether the result is kept in the user's cache folder and taken from there.
-
-    Examples
-    --------
-    >>> image = ss.render(ss.datasets.turbulence())  # doctest: +SKIP
     """
     if len(shape) != 3 or min(shape) < 1 or max(shape) < 17:
         raise complain(
@@ -200,10 +192,6 @@ def jet(
         Time at which the jet is shown; it is 1.4 wide and runs at speed 1.
     cache
         Whether the result is kept in the user's cache folder and taken from there.
-
-    Examples
-    --------
-    >>> image = ss.render(ss.datasets.jet())  # doctest: +SKIP
     """
     require_samples("jet", n, 8)
     resolution = _resolution(resolution, n)

@@ -27,11 +27,6 @@ def cache_folder() -> Path:
 
     On Linux the latter is ``~/.cache/sheetsplat``. A relative ``XDG_CACHE_HOME`` is ignored, as the XDG specification
     requires.
-
-    Examples
-    --------
-    >>> ss.datasets.cache_folder().name
-    'sheetsplat'
     """
     import platformdirs
 

@@ -26,7 +26,7 @@ from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
 from sheetsplat.io.source import DEFLATE_RATIO, Source
 from sheetsplat.io.vtk_cells import Cells, Meshes, joined
-from sheetsplat.io.vtk_xml.document import GuardedParser
+from sheetsplat.io.vtk_xml.document import parse_tree
 
 #: Modules of meshio by the suffixes of their files.
 MODULES = {".msh": "gmsh", ".med": "med", ".xdmf": "xdmf", ".xmf": "xdmf"}
@@ -35,7 +35,7 @@ _HDF5 = b"\x89HDF"
 _TYPES = {"tetra": 10, "hexahedron": 12, "wedge": 13, "pyramid": 14}
 _FLAT = ("vertex", "line", "triangle", "quad", "polygon")
 _POLYGON, _UNKNOWN = 7, 255
-_CHUNK = 1 << 20
+_LONGEST_NAME = 4096
 # How often the end of a file may be met.
 _ENDS = 100
 # Bytes that meshio takes for a byte of a text.
@@ -56,36 +56,22 @@ class _Lines(io.BufferedReader):
         return line
 
 
-class _References(GuardedParser):
-    """Finds the files, and the datasets in them, that an XDMF file names."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self._parser.CharacterDataHandler = self._take
-        self._texts: list[str] | None = None
-        self.datasets: dict[str, set[str]] = {}
-
-    def start(self, name: str, attributes: dict[str, str]) -> None:
-        """Take the DataItems whose numbers are elsewhere."""
-        if name.lower() == "include" or name.lower().endswith(":include"):
-            raise unreadable(self._path, f"an element {shown(name)}", "one file")
-        kind = attributes.get("Format", "XML")
-        if name != "DataItem" or kind == "XML":
-            return
-        if kind != "HDF":
-            raise unreadable(self._path, f"numbers of format {shown(kind)}", "XML or HDF")
-        self._texts = []
-
-    def _take(self, text: str) -> None:
-        if self._texts is not None and sum(map(len, self._texts)) < 4096:
-            self._texts.append(text)
-
-    def _end(self, name: str) -> None:
-        super()._end(name)
-        if self._texts is not None:
-            file, _, dataset = "".join(self._texts).strip().partition(":")
-            self.datasets.setdefault(file, set()).add(dataset)
-            self._texts = None
+def _references(source: Source) -> dict[str, set[str]]:
+    """Return the files, and the datasets in them, that an XDMF file names."""
+    found: dict[str, set[str]] = {}
+    for one in parse_tree(source).iter():
+        if one.tag.lower() == "include" or one.tag.lower().endswith(":include"):
+            raise unreadable(source.path, f"an element {shown(one.tag)}", "one file")
+        kind = one.get("Format", "XML")
+        if one.tag == "DataItem" and kind != "XML":
+            if kind != "HDF":
+                raise unreadable(source.path, f"numbers of format {shown(kind)}", "XML or HDF")
+            text = "".join(one.itertext())
+            if len(text) > _LONGEST_NAME:
+                raise unreadable(source.path, f"the name of a dataset of {len(text)} characters", "a shorter one")
+            file, _, dataset = text.strip().partition(":")
+            found.setdefault(file, set()).add(dataset)
+    return found
 
 
 def _check_hdf5(source: Source, of_numbers: Iterable[str] = ()) -> None:
@@ -121,12 +107,7 @@ def _check(source: Source) -> None:
         return
     _memory.require(_PER_BYTE * source.at_most(), f"the numbers of {path}")
     if MODULES[source.suffix] == "xdmf":
-        parser = _References(path)
-        source.stream.seek(0)
-        while piece := source.stream.read(_CHUNK):
-            parser.feed(piece)
-        parser.feed(b"", True)
-        for name, datasets in sorted(parser.datasets.items()):
+        for name, datasets in sorted(_references(source).items()):
             with Source(beside(path, name)) as other:
                 _check_hdf5(other, sorted(datasets))
 

@@ -14,10 +14,6 @@ from sheetsplat.io.records import Floats, Scattered
 
 #: VTK's number of a hexahedron.
 HEXAHEDRON = 12
-#: The array by which VTK marks points and cells that belong to another piece, or are hidden.
-GHOSTS = "vtkGhostType"
-#: Arrays that VTK writes for itself.
-OWN_ARRAYS = (GHOSTS, "vtkOriginalPointIds", "vtkOriginalCellIds")
 
 _log = logging.getLogger("sheetsplat")
 

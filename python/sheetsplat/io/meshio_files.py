@@ -2,7 +2,7 @@
 
 Others are left out: those whose files name other files (Abaqus, Nastran …), and those whose reader in meshio does not
 end where a file is cut off (Tecplot). What an XDMF or MED file refers to is looked at before meshio reads it: only
-files of its own folder.
+files of its own folder. Files of Gmsh, whose reader takes the memory that 600 bytes ask for, are read in a child.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +23,10 @@ from sheetsplat._checks import shown
 from sheetsplat.io.checks import beside, finite_points, require_rows, unreadable
 from sheetsplat.io.hdf5_access import checked, inside, walk
 from sheetsplat.io.records import Floats, Scattered
+from sheetsplat.io.sandbox import Array, read_apart
 from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
 from sheetsplat.io.source import DEFLATE_RATIO, Source
-from sheetsplat.io.vtk_cells import Cells, Meshes, joined
+from sheetsplat.io.vtk_cells import Cells, Meshes, checked_lists, joined
 from sheetsplat.io.vtk_xml.document import parse_tree
 
 #: Modules of meshio by the suffixes of their files.
@@ -36,24 +37,8 @@ _TYPES = {"tetra": 10, "hexahedron": 12, "wedge": 13, "pyramid": 14}
 _FLAT = ("vertex", "line", "triangle", "quad", "polygon")
 _POLYGON, _UNKNOWN = 7, 255
 _LONGEST_NAME = 4096
-# How often the end of a file may be met.
-_ENDS = 100
 # Bytes that meshio takes for a byte of a text.
 _PER_BYTE = 16
-
-
-class _Lines(io.BufferedReader):
-    """A file that ends: meshio's reader of Gmsh reads as many lines as numbers in the file say, also beyond its end."""
-
-    _beyond = 0
-
-    def readline(self, size: int | None = -1, /) -> bytes:
-        """Return the next line; EOFError where it has been asked for beyond the end again and again."""
-        line = super().readline(size)
-        self._beyond = 0 if line else self._beyond + 1
-        if self._beyond > _ENDS:
-            raise EOFError("lines beyond its end")
-        return line
 
 
 def _references(source: Source) -> dict[str, set[str]]:
@@ -112,29 +97,47 @@ def _check(source: Source) -> None:
                 _check_hdf5(other, sorted(datasets))
 
 
-def _cells(mesh: Any, path: Path) -> Cells:
+def _arrays_of(mesh: Any) -> Iterator[Array]:
+    """Yield the arrays of a mesh of meshio, as `sandbox.read_apart` returns them."""
+    yield ("points",), np.asarray(mesh.points)
+    for block in mesh.cells:
+        yield ("cells", block.type), np.asarray(block.data)
+    for name, values in mesh.point_data.items():
+        yield ("point_data", str(name)), np.asarray(values)
+    for name, blocks in mesh.cell_data.items():
+        yield from ((("cell_data", str(name)), np.asarray(values)) for values in blocks)
+
+
+def _cells(blocks: Sequence[tuple[str, NDArray[Any]]], points: int, path: Path) -> Cells:
     lists: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
     types = [np.empty(0, np.int64)]
-    for block in mesh.cells:
-        rows = np.asarray(block.data)
+    for kind, rows in blocks:
         if rows.ndim != 2 or rows.dtype.kind not in "iu":
-            raise unreadable(path, f"cells of type {shown(block.type)}", "as many points in each of a type")
+            raise unreadable(path, f"cells of type {shown(kind)}", "as many points in each of a type")
         count, size = rows.shape
-        if rows.size and not (rows.min() >= 0 and rows.max() < len(mesh.points)):
-            found = f"cells with the points {rows.min()} to {rows.max()}"
-            raise unreadable(path, found, f"points 0 to {len(mesh.points) - 1}")
-        lists.append((rows.astype(np.int64).reshape(-1), size * np.arange(1, count + 1, dtype=np.int64)))
-        number = _TYPES.get(block.type, _POLYGON if block.type.startswith(_FLAT) else _UNKNOWN)
+        ends = size * np.arange(1, count + 1, dtype=np.int64)
+        numbers = rows.astype(np.int64).reshape(-1)
+        checked_lists(path, shown(kind), numbers, ends, points)
+        lists.append((numbers, ends))
+        number = _TYPES.get(kind, _POLYGON if kind.startswith(_FLAT) else _UNKNOWN)
         types.append(np.full(count, number, dtype=np.int64))
     return joined(lists, np.concatenate(types))
 
 
-def _rows(values: Any) -> NDArray[Any] | None:
+def _rows(values: NDArray[Any]) -> NDArray[Any] | None:
     """Return numbers as rows, (N,) or (N, columns); None for anything else."""
-    array = np.asarray(values)
-    if array.dtype.kind not in "biuf" or array.ndim < 1:
+    if values.dtype.kind not in "biuf" or values.ndim < 1:
         return None
-    return array if array.ndim == 1 else array.reshape(len(array), -1)
+    return values if values.ndim == 1 else values.reshape(len(values), -1)
+
+
+def _read(source: Source) -> list[Array]:
+    kind, path = MODULES[source.suffix], source.path
+    if kind == "gmsh":
+        return read_apart(source, kind)
+    with contextlib.redirect_stdout(io.StringIO()):
+        read = importlib.import_module("meshio." + kind).read
+        return list(_arrays_of(read(checked(source) if kind == "med" else str(path))))
 
 
 def read(source: Source, scalar: str | None = None) -> Scattered:
@@ -145,36 +148,33 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
     path = source.path
     _check(source)
     kind = MODULES[source.suffix]
-    with contextlib.redirect_stdout(io.StringIO()):
-        if kind == "gmsh":
-            with _Lines(io.FileIO(path)) as lines:
-                mesh = importlib.import_module("meshio.gmsh.main").read_buffer(lines)
-        elif kind == "med":
-            mesh = importlib.import_module("meshio.med").read(checked(source))
-        else:
-            mesh = importlib.import_module("meshio." + kind).read(str(path))
-    points: Floats = np.asarray(mesh.points, dtype=np.float64)
+    found: dict[str, list[tuple[str, NDArray[Any]]]] = {}
+    for key, values in _read(source):
+        found.setdefault(key[0], []).append((key[-1], values))
+    points: Floats = np.asarray(found["points"][0][1], dtype=np.float64)
     if points.ndim != 2 or not 1 <= points.shape[1] <= 3:
         raise unreadable(path, f"points of shape {points.shape}", "(N, 3)")
     require_rows(path, len(points))
     points = finite_points(path, np.pad(points, ((0, 0), (0, 3 - points.shape[1]))))
-    cells = _cells(mesh, path)
+    cells = _cells(found.get("cells", []), len(points), path)
     arrays: dict[str, tuple[bool, NDArray[Any]]] = {}
-    for name, values in mesh.point_data.items():
+    for name, values in found.get("point_data", []):
         rows = _rows(values)
         if rows is not None and len(rows) == len(points) and rows.size:
-            arrays[str(name)] = (False, rows)
-    for name, blocks in mesh.cell_data.items():
-        parts = [_rows(values) for values in blocks]
+            arrays[name] = (False, rows)
+    of_cells: dict[str, list[NDArray[Any] | None]] = {}
+    for name, values in found.get("cell_data", []):
+        of_cells.setdefault(name, []).append(_rows(values))
+    for name, parts in of_cells.items():
         same = all(part is not None and part.shape[1:] == parts[0].shape[1:] for part in parts)  # type: ignore[union-attr]
-        rows = np.concatenate(parts) if parts and same else None  # type: ignore[arg-type]
+        rows = np.concatenate(parts) if same else None  # type: ignore[arg-type]
         if rows is not None and len(rows) == cells.ends.size and rows.size:
-            arrays.setdefault(str(name), (True, rows))
+            arrays.setdefault(name, (True, rows))
     widths = {name: 1 if rows.ndim == 1 else int(rows.shape[1]) for name, (_, rows) in arrays.items()}
     # Numbers of geometric parts are no data, unless there are no others.
     data = [name for name in widths if ":" not in name]
     name, base, column = choose_scalar(path, scalar, sorted(data, key=lambda one: widths[one] > 1), widths)
-    of_cells, rows = arrays[base]
-    made = Meshes(path, of_cells)
+    is_of_cells, rows = arrays[base]
+    made = Meshes(path, is_of_cells)
     made.add(points, cells, column_of(rows if widths[base] > 1 else rows.reshape(-1), column))
     return made.scattered(name, kind, scalar_names(widths))

@@ -1,6 +1,7 @@
 """MetaImage files, .mhd with its data beside it and .mha with its data inside.
 
-Read here and not by a library, so that the sizes in a header are checked before memory is taken.
+Read here and not by a library (ITK's), so that the sizes in a header are checked before memory is taken, and samples
+can be read in parts.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
 """VTK's data sets in HDF5 (.vtkhdf): images, unstructured grids and surfaces, in partitions and in time steps.
 
+Read through h5py and its checks (`hdf5_access`), as all HDF5 is, and without VTK.
 Source: the VTKHDF file format, versions 1 and 2, of VTK's documentation.
 """
 

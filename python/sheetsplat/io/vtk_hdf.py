@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat._checks import shown
-from sheetsplat.io.checks import checked_shape, chosen_step, finite_points, printable, require_rows, unreadable
+from sheetsplat.io.checks import checked_shape, chosen_step, finite_points, floats, printable, require_rows, unreadable
 from sheetsplat.io.hdf5_access import attribute, check_stored, checked, inside, read_rows
 from sheetsplat.io.records import Scattered, Volume
 from sheetsplat.io.scalars import column_of
@@ -117,12 +117,9 @@ def _image(path: Path, group: Any, scalar: str | None, number: int | None) -> Vo
     picked = _pick(path, group, scalar, 3 + step.has_axis)
     dataset, offsets = picked.array
 
-    def told(name: str, *default: float) -> NDArray[np.float64]:
+    def told(name: str, *default: float) -> list[float]:
         given = attribute(group, name, 9)
-        found = np.asarray(default if given is None else given, dtype=np.float64).reshape(-1)
-        if found.size != len(default) or not np.all(np.isfinite(found)):
-            raise unreadable(path, f"{name} = {shown(given)}", f"{len(default)} finite numbers")
-        return found
+        return floats(path, name, default if given is None else given, len(default))
 
     whole = attribute(group, "WholeExtent", 6)
     extent = [] if whole is None else [int(one) for one in np.asarray(whole).reshape(-1)]
@@ -139,7 +136,7 @@ def _image(path: Path, group: Any, scalar: str | None, number: int | None) -> Vo
     values = _rows(path, picked.name, dataset, first, rows).reshape(-1, picked.columns)
     spacing, origin = told("Spacing", 1.0, 1.0, 1.0), told("Origin", 0.0, 0.0, 0.0)
     if min(spacing) <= 0:
-        raise unreadable(path, f"Spacing = {spacing.tolist()}", "three numbers above 0")
+        raise unreadable(path, f"Spacing = {spacing}", "three numbers above 0")
     return image(path, picked, picked.of(values), extent, spacing, origin, told("Direction", *STRAIGHT), "vtkhdf")
 
 

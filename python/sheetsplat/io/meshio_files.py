@@ -24,9 +24,9 @@ from sheetsplat.io.checks import beside, finite_points, require_rows, unreadable
 from sheetsplat.io.hdf5_access import checked, inside, walk
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.sandbox import Array, read_apart
-from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
 from sheetsplat.io.source import DEFLATE_RATIO, Source
-from sheetsplat.io.vtk_cells import Cells, Meshes, checked_lists, joined
+from sheetsplat.io.vtk_cells import Cells, checked_lists, joined, one_mesh
+from sheetsplat.io.vtk_grids import pick
 from sheetsplat.io.vtk_xml.document import parse_tree
 
 #: Modules of meshio by the suffixes of their files.
@@ -170,11 +170,8 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
         rows = np.concatenate(parts) if same else None  # type: ignore[arg-type]
         if rows is not None and len(rows) == cells.ends.size and rows.size:
             arrays.setdefault(name, (True, rows))
-    widths = {name: 1 if rows.ndim == 1 else int(rows.shape[1]) for name, (_, rows) in arrays.items()}
+    known = [(name, of, 1 if rows.ndim == 1 else int(rows.shape[1]), rows) for name, (of, rows) in arrays.items()]
     # Numbers of geometric parts are no data, unless there are no others.
-    data = [name for name in widths if ":" not in name]
-    name, base, column = choose_scalar(path, scalar, sorted(data, key=lambda one: widths[one] > 1), widths)
-    is_of_cells, rows = arrays[base]
-    made = Meshes(path, is_of_cells)
-    made.add(points, cells, column_of(rows if widths[base] > 1 else rows.reshape(-1), column))
-    return made.scattered(name, kind, scalar_names(widths))
+    preferred = [name for name, _, width, _ in sorted(known, key=lambda one: one[2] > 1) if ":" not in name]
+    picked = pick(path, known, preferred, scalar)
+    return one_mesh(path, picked, points, cells, picked.of(picked.array), kind)

@@ -257,7 +257,7 @@ def _mesh(path: Path, group: Any, kind: str, scalar: str | None, number: int | N
         taken = cells_of[part] if picked.of_cells else count
         meshes.add(finite_points(path, points.astype(np.float64)), cells, values[used : used + taken])
         used += taken
-    return meshes.scattered(picked.name, "vtkhdf", picked.known)
+    return meshes.scattered(picked, "vtkhdf")
 
 
 def read(source: Source, scalar: str | None = None, step: int | None = None) -> Scattered:

@@ -29,7 +29,7 @@ from sheetsplat.io.checks import (
 )
 from sheetsplat.io.records import Floats, Scattered, Volume
 from sheetsplat.io.source import Source
-from sheetsplat.io.vtk_cells import HEXAHEDRON, Cells, Meshes, checked_lists, hexahedra_of, joined, same_cells
+from sheetsplat.io.vtk_cells import HEXAHEDRON, Cells, checked_lists, hexahedra_of, joined, one_mesh, same_cells
 from sheetsplat.io.vtk_grids import STRAIGHT, counts_of, image, pick, rectilinear, sizes_of
 
 SIGNATURE = b"# vtk DataFile Version "
@@ -466,8 +466,5 @@ def read_mesh(source: Source, scalar: str | None = None) -> Scattered:
             cells = same_cells(hexahedra_of(counts), HEXAHEDRON)
         else:
             cells = _lists(chosen, len(points))
-        picked = chosen.picked
-        meshes = Meshes(path, picked.of_cells)
-        number = cells.ends.size if picked.of_cells else len(points)
-        meshes.add(points, cells, chosen.values(number).astype(np.float64))
-        return meshes.scattered(picked.name, "vtk", picked.known)
+        number = cells.ends.size if chosen.picked.of_cells else len(points)
+        return one_mesh(path, chosen.picked, points, cells, chosen.values(number), "vtk")

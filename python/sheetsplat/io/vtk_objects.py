@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sheetsplat.io.checks import Where, finite_points, require_rows, unreadable
 from sheetsplat.io.records import Floats, Scattered, Volume
-from sheetsplat.io.vtk_cells import HEXAHEDRON, Cells, Meshes, hexahedra_of, joined, same_cells
+from sheetsplat.io.vtk_cells import HEXAHEDRON, Cells, hexahedra_of, joined, one_mesh, same_cells
 from sheetsplat.io.vtk_grids import Picked, image, pick, rectilinear
 
 
@@ -69,12 +69,10 @@ def _points(data: Any, where: Where) -> Floats:
 def _scattered(data: Any, where: Where, scalar: str | None, cells: Cells, file_format: str) -> Scattered:
     """Return points with their values, or the middles of cells with theirs."""
     picked, values = _scalar(data, where, scalar)
-    made = Meshes(where, picked.of_cells)
     points = _points(data, where)
     if picked.of_cells and cells.ends.size != values.size:
         raise unreadable(where, "values of cells without a volume", "values of points", "use cell_data_to_point_data()")
-    made.add(points, cells, values.astype(np.float64))
-    return made.scattered(picked.name, file_format, picked.known)
+    return one_mesh(where, picked, points, cells, values, file_format)
 
 
 def read_structured(data: Any, where: Where, scalar: str | None = None) -> Scattered:

@@ -103,7 +103,7 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
     meshes = Meshes(path, picked.of_cells)
     if pieces.kind == "StructuredGrid":
         _structured(pieces, meshes, picked)
-        return meshes.scattered(picked.name, KINDS[pieces.kind], picked.known)
+        return meshes.scattered(picked, KINDS[pieces.kind])
     for reader, piece in pieces:
         count = reader.count(piece, "NumberOfPoints")
         if not count:
@@ -115,4 +115,4 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
         if ghosts is not None:
             cells, values = cells.where(~ghosts), values[~ghosts] if picked.of_cells else values
         meshes.add(here, cells, values)
-    return meshes.scattered(picked.name, KINDS[pieces.kind], picked.known)
+    return meshes.scattered(picked, KINDS[pieces.kind])

@@ -6,7 +6,7 @@ Source: the VTKHDF file format, versions 1 and 2, of VTK's documentation.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,6 @@ from sheetsplat._checks import shown
 from sheetsplat.io.checks import checked_shape, chosen_step, finite_points, floats, printable, require_rows, unreadable
 from sheetsplat.io.hdf5_access import attribute, check_stored, checked, inside, read_rows
 from sheetsplat.io.records import Scattered, Volume
-from sheetsplat.io.scalars import column_of
 from sheetsplat.io.source import Source
 from sheetsplat.io.vtk_cells import Cells, Meshes, checked_lists, joined
 from sheetsplat.io.vtk_grids import STRAIGHT, Picked, counts_of, image, pick, sizes_of
@@ -153,22 +152,6 @@ def _rows(path: Path, name: str, dataset: Any, first: int, count: int) -> NDArra
     return read_rows(path, dataset, name, slice(first, first + count), 8)
 
 
-class _Rows:
-    """Rows of a dataset that are taken one part after another, read at once."""
-
-    def __init__(self, path: Path, group: Any, name: str, first: int, count: int) -> None:
-        one = inside(path, group, name)
-        if not isinstance(one, h5py.Dataset) or one.dtype.kind not in "iuf" or one.ndim not in (1, 2):
-            raise unreadable(path, f"no numbers in {name}", "a dataset")
-        self._rows = _rows(path, name, one, first, count)
-        self._used = 0
-
-    def take(self, count: int) -> NDArray[Any]:
-        """Return the next rows."""
-        self._used += count
-        return self._rows[self._used - count : self._used]
-
-
 class _Partitions:
     """Numbers of the partitions of a time step, which lie one after another in each dataset."""
 
@@ -198,9 +181,12 @@ class _Partitions:
             raise unreadable(self._path, f"negative numbers in {name}", "numbers that are not negative")
         return [int(count) for count in rows]
 
-    def rows(self, name: str, count: int, first: int | None) -> _Rows:
-        """Return rows of all partitions; `first` as the step has it, 0 unless it does."""
-        return _Rows(self._path, self._group, name, first or 0, count)
+    def rows(self, name: str, counts: Sequence[int], first: int | None) -> list[NDArray[Any]]:
+        """Return so many rows of each partition; `first` as the step has it, 0 unless it does."""
+        one = inside(self._path, self._group, name)
+        if not isinstance(one, h5py.Dataset) or one.dtype.kind not in "iuf" or one.ndim not in (1, 2):
+            raise unreadable(self._path, f"no numbers in {name}", "a dataset")
+        return np.split(_rows(self._path, name, one, first or 0, sum(counts)), np.cumsum(counts)[:-1])
 
 
 class _Lists:
@@ -209,19 +195,17 @@ class _Lists:
     def __init__(self, path: Path, parts: _Partitions, step: _Step, prefix: str, number: int) -> None:
         self._path, self._name = path, prefix + "Connectivity"
         self.cells = parts.counts(prefix + "NumberOfCells")
-        self._sizes = parts.counts(prefix + "NumberOfConnectivityIds")
+        sizes = parts.counts(prefix + "NumberOfConnectivityIds")
         self.first = step.first("CellOffsets", number) or 0
         # A partition has one more of them than cells.
         starts = self.first + parts.first
-        self._offsets = parts.rows(prefix + "Offsets", sum(self.cells) + parts.count, starts)
-        ids = step.first("ConnectivityIdOffsets", number)
-        self._connectivity = parts.rows(self._name, sum(self._sizes), ids)
+        self._offsets = parts.rows(prefix + "Offsets", [count + 1 for count in self.cells], starts)
+        self._connectivity = parts.rows(self._name, sizes, step.first("ConnectivityIdOffsets", number))
 
-    def take(self, part: int, points: int) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return point numbers and ends of the cells of the next partition."""
-        offsets = self._offsets.take(self.cells[part] + 1).astype(np.int64)
-        connectivity = self._connectivity.take(self._sizes[part]).astype(np.int64).reshape(-1)
-        ends = offsets[1:].reshape(-1)
+    def of(self, part: int, points: int) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Return point numbers and ends of the cells of a partition."""
+        connectivity = self._connectivity[part].astype(np.int64).reshape(-1)
+        ends = self._offsets[part].astype(np.int64)[1:].reshape(-1)
         checked_lists(self._path, self._name, connectivity, ends, points)
         return connectivity, ends
 
@@ -239,24 +223,21 @@ def _mesh(path: Path, group: Any, kind: str, scalar: str | None, number: int | N
     lists = [_Lists(path, parts, step, prefix, number) for number, prefix in enumerate(prefixes)]
     cells_of = [sum(one.cells[part] for one in lists) for part in range(len(points_of))]
     first_point = step.first("PointOffsets") or 0
-    all_points = parts.rows("Points", sum(points_of), first_point)
-    all_types = parts.rows("Types", sum(cells_of), lists[0].first) if is_mesh else None
+    all_points = parts.rows("Points", points_of, first_point)
+    all_types = parts.rows("Types", cells_of, lists[0].first) if is_mesh else None
     first = step.first(offsets)
     if first is None:
         first = sum(one.first for one in lists) if picked.of_cells else first_point
-    count = sum(cells_of if picked.of_cells else points_of)
-    values = column_of(_rows(path, picked.name, dataset, first, count), picked.column)
+    counts = cells_of if picked.of_cells else points_of
+    values = np.split(picked.of(_rows(path, picked.name, dataset, first, sum(counts))), np.cumsum(counts)[:-1])
     meshes = Meshes(path, picked.of_cells)
-    used = 0
     for part, count in enumerate(points_of):
-        points = all_points.take(count)
+        points = all_points[part]
         if points.ndim != 2 or points.shape[1] != 3:
             raise unreadable(path, f"Points of {points.shape}", "(N, 3)")
-        types = np.empty(0, np.int64) if all_types is None else all_types.take(cells_of[part]).astype(np.int64)
-        cells: Cells = joined([one.take(part, count) for one in lists], types.reshape(-1))
-        taken = cells_of[part] if picked.of_cells else count
-        meshes.add(finite_points(path, points.astype(np.float64)), cells, values[used : used + taken])
-        used += taken
+        types = np.empty(0, np.int64) if all_types is None else all_types[part].astype(np.int64)
+        cells: Cells = joined([one.of(part, count) for one in lists], types.reshape(-1))
+        meshes.add(finite_points(path, points.astype(np.float64)), cells, values[part].astype(np.float64))
     return meshes.scattered(picked, "vtkhdf")
 
 

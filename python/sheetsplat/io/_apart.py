@@ -67,7 +67,7 @@ def _answer(reader: str, path: str, file: int) -> dict[str, Any]:
     except ModuleNotFoundError as error:
         return {"missing": error.name, "text": str(error)}
     except Exception as error:
-        return {"failed": str(error)[:1000]}
+        return {"failed": str(error)[:1000] or type(error).__name__}
     return {"arrays": told}
 
 

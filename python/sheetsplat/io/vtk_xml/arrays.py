@@ -125,16 +125,16 @@ class ArrayReader:
         if one.format == "appended":
             values = self._appended(one, dtype, count)
         else:
-            length = len(one.text)
-            if length > _LONGEST_WORD * count + _SLACK:
-                raise self._fail(f"{length} characters of the array {shown(one.name)}", f"{count} numbers")
-            _memory.require(8 * length, f"the array {one.name!r} of {self._path}")
-            text = one.text.encode("ascii", "replace")
+            text = one.text
+            if len(text) > _LONGEST_WORD * count + _SLACK:
+                raise self._fail(f"{len(text)} characters of the array {shown(one.name)}", f"{count} numbers")
+            _memory.require(8 * len(text), f"the array {one.name!r} of {self._path}")
+            data = text.encode("ascii", "replace")
             if one.format == "ascii":
-                values = numbers_in_text(text, dtype)
+                values = numbers_in_text(data, dtype)
             else:
-                text = b"".join(text.split())
-                values = self._unpacked(one, dtype, count, _Bytes(io.BytesIO(text), len(text), encoded=True))
+                data = b"".join(data.split())
+                values = self._unpacked(one, dtype, count, _Bytes(io.BytesIO(data), len(data), encoded=True))
         if values.size != count:
             raise self._fail(f"{values.size} numbers in the array {shown(one.name)}", f"{count}")
         return values.reshape(-1, one.components) if one.components > 1 else values

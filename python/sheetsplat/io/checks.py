@@ -48,14 +48,14 @@ def sides(shape: Sequence[int]) -> str:
     return " x ".join(map(str, shape))
 
 
-def floats(path: Path, what: str, text: str, count: int) -> list[float]:
-    """Return the numbers in a text of a header, or InvalidInput unless there are `count`, all finite."""
+def floats(path: Where, what: str, told: Any, count: int) -> list[float]:
+    """Return the numbers of a header, or those in its text, or InvalidInput unless there are `count`, all finite."""
     try:
-        numbers = [float(word) for word in text.split()]
-    except ValueError:
+        numbers = [float(one) for one in (told.split() if isinstance(told, str) else np.asarray(told).reshape(-1))]
+    except (TypeError, ValueError):
         numbers = []
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        raise unreadable(path, f"{what} = {shown(text)}", f"{count} finite numbers")
+        raise unreadable(path, f"{what} = {shown(told)}", f"{count} finite numbers")
     return numbers
 
 

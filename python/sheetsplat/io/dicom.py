@@ -15,7 +15,7 @@ from sheetsplat import _memory
 from sheetsplat._checks import shown
 from sheetsplat.errors import Unsupported, complain, option_ref
 from sheetsplat.io.axes import nearest_the_world
-from sheetsplat.io.checks import Where, checked_shape, listed, printable, unreadable
+from sheetsplat.io.checks import Where, checked_shape, floats, listed, printable, unreadable
 from sheetsplat.io.records import Floats, Volume
 from sheetsplat.io.source import Folder, Source
 from sheetsplat.orientation import PATIENT
@@ -48,16 +48,6 @@ class _Slice:
 
 def _word(header: Any, name: str) -> str:
     return printable(str(header.get(name, ""))[:_LONGEST])
-
-
-def _numbers(file: Path, name: str, value: Any, count: int) -> Floats:
-    try:
-        numbers = np.array([float(one) for one in value], dtype=np.float64)
-    except (TypeError, ValueError):
-        numbers = np.empty(0)
-    if numbers.shape != (count,) or not np.all(np.isfinite(numbers)):
-        raise unreadable(file, f"{name} {shown(value)}", f"{count} finite numbers")
-    return numbers
 
 
 def _header(file: Path) -> Any:
@@ -97,27 +87,27 @@ def _slices_of(file: Path, header: Any) -> list[_Slice]:
             return []
         facing = _item(header, frame, "PlaneOrientationSequence").get("ImageOrientationPatient")
         measures = _item(header, frame, "PixelMeasuresSequence")
-        turned = _numbers(file, "ImageOrientationPatient", facing, 6)
-        pixel = _numbers(file, "PixelSpacing", measures.get("PixelSpacing"), 2)
+        turned = np.array(floats(file, "ImageOrientationPatient", facing, 6))
+        pixel = floats(file, "PixelSpacing", measures.get("PixelSpacing"), 2)
         scaling = _item(header, frame, "PixelValueTransformationSequence")
         # Of a frame's own group, else of the file.
         slope = scaling.get("RescaleSlope", header.get("RescaleSlope", 1))
         intercept = scaling.get("RescaleIntercept", header.get("RescaleIntercept", 0))
-        factors = _numbers(file, "RescaleSlope, RescaleIntercept", (slope, intercept), 2)
-        if np.any(pixel <= 0):
-            raise unreadable(file, f"PixelSpacing {pixel.tolist()}", "two numbers above 0")
+        factors = floats(file, "RescaleSlope, RescaleIntercept", (slope, intercept), 2)
+        if min(pixel) <= 0:
+            raise unreadable(file, f"PixelSpacing {pixel}", "two numbers above 0")
         found.append(
             _Slice(
                 file,
                 frame,
                 str(header.get("SeriesInstanceUID", "")),
-                _numbers(file, "ImagePositionPatient", place, 3),
+                np.array(floats(file, "ImagePositionPatient", place, 3)),
                 # The first three numbers are the direction of a row, along which columns count.
                 turned[:3],
                 turned[3:],
-                (float(pixel[1]), float(pixel[0])),
-                float(factors[0]),
-                float(factors[1]),
+                (pixel[1], pixel[0]),
+                factors[0],
+                factors[1],
             )
         )
     return found

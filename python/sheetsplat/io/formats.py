@@ -126,12 +126,16 @@ def names_blocks(source: Source) -> bool:
     return _vtk_kind(source) in ("vtkMultiBlockDataSet", "Collection")
 
 
-def _blocks_of(source: Source, *, scattered: bool) -> bool:
+def _is_of_blocks(*, scattered: bool) -> Callable[[Source], bool]:
     """Return whether a file names others, of which the shown one is a volume, or scattered data."""
-    if not names_blocks(source):
-        return False
-    kind: str = pkgutil.resolve_name(_IO + "vtk_xml.blocks:kind_of")(source)
-    return (kind in SCATTERED) == scattered
+
+    def recognizes(source: Source) -> bool:
+        if not names_blocks(source):
+            return False
+        kind: str = pkgutil.resolve_name(_IO + "vtk_xml.blocks:kind_of")(source)
+        return (kind in SCATTERED) == scattered
+
+    return recognizes
 
 
 def _is_legacy(kind: str) -> Callable[[Source], bool]:
@@ -165,6 +169,14 @@ def _hdf5_kind(source: Source) -> str:
         return ""
     kind: str = pkgutil.resolve_name(_IO + "hdf5_volumes:kind_of")(source)
     return kind
+
+
+def _is_hdf5(kind: str) -> Callable[[Source], bool]:
+    return lambda source: _hdf5_kind(source) == kind
+
+
+def _never(_: Source) -> bool:
+    return False
 
 
 def _is_netcdf(source: Source) -> bool:
@@ -204,156 +216,60 @@ def _is_zarr(folder: Folder) -> bool:
 
 _is_tiff = _begins(b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _IO = "sheetsplat.io."
+
+
+def _volume(
+    name: str, reader: str, shown: str, recognizes: Callable[[Source], bool], *options: str, **rest: Any
+) -> Format:
+    """Return a format of regular volumes whose reader, and what counts its time steps, are in this folder."""
+    steps = _IO + rest.pop("steps") if "steps" in rest else ""
+    return Format(name, _IO + reader, recognizes, options, shown=shown, steps=steps, **rest)
+
+
+_scattered = functools.partial(_volume, scattered=True)
 # The first format that recognizes a file is used.
 FORMATS: tuple[Format, ...] = (
-    Format("npy", _IO + "numpy_files:read_npy", _begins(b"\x93NUMPY"), beats_raw=True, shown=".npy"),
-    Format("npz", _IO + "numpy_files:read_npz", _begins(*_ZIP), ("name",), beats_raw=True, shown=".npz"),
-    Format("nrrd", _IO + "nrrd_files:read", _begins(b"NRRD"), beats_raw=True, shown="NRRD"),
-    Format("metaimage", _IO + "metaimage:read", _is_metaimage, beats_raw=True, shown="MetaImage (.mhd, .mha)"),
-    Format("nifti", _IO + "nifti:read", _is_nifti, beats_raw=True, shown="NIfTI (.nii, .hdr)"),
-    Format(
-        "dicom",
-        _IO + "dicom:read",
-        _is_dicom,
-        ("name",),
-        beats_raw=True,
-        shown="DICOM series (a folder, or one of its files)",
-        recognizes_folder=_some(_is_dicom),
-    ),
-    Format(
-        "tiff",
-        _IO + "tiff:read",
-        _is_tiff,
-        beats_raw=True,
-        shown="TIFF stacks (a file, or a folder of slices)",
-        recognizes_folder=_every(_is_tiff),
-    ),
-    Format("mrc", _IO + "mrc:read", _is_mrc, beats_raw=True, shown="MRC"),
-    Format("openvdb", _IO + "vdb:read", _begins(b" BDV\0\0\0\0"), ("name",), beats_raw=True, shown="OpenVDB"),
-    Format(
-        "netcdf",
-        _IO + "netcdf:read",
-        _is_netcdf,
-        ("name", "resample", "step"),
-        shown="NetCDF",
-        parts=True,
-        steps=_IO + "netcdf:count_steps",
-    ),
-    Format(
-        "vtkhdf image",
-        _IO + "vtk_hdf:read_image",
-        lambda source: _hdf5_kind(source) == "vtkhdf image",
-        ("name", "step"),
-        shown="VTKHDF images",
-        steps=_IO + "vtk_hdf:count_steps",
-    ),
-    Format(
-        "vtkhdf",
-        _IO + "vtk_hdf:read",
-        lambda source: _hdf5_kind(source) == "vtkhdf",
-        ("scalar", "step"),
-        scattered=True,
-        shown="VTKHDF meshes",
-        steps=_IO + "vtk_hdf:count_steps",
-    ),
-    Format(
-        "hdf5 volume",
-        _IO + "hdf5_volumes:read",
-        lambda source: _hdf5_kind(source) == "volume",
-        ("name",),
-        shown="HDF5 with volumes (FILE:/dataset)",
-        parts=True,
-    ),
-    Format(
-        "zarr",
-        _IO + "zarr_folders:read",
-        options=("name", "step"),
-        shown="Zarr and OME-Zarr (FOLDER:/array)",
-        recognizes_folder=_is_zarr,
-        parts=True,
-        steps=_IO + "zarr_folders:count_steps",
-    ),
-    Format(
-        "meshio",
-        _IO + "meshio_files:read",
-        _is_of_meshio,
-        ("scalar",),
-        scattered=True,
-        shown="Gmsh (.msh), MED, XDMF",
-    ),
-    Format(
-        "hdf5",
-        _IO + "sph_hdf5:read",
-        _begins(_HDF5),
-        ("scalar", "particles", "support"),
-        scattered=True,
-        shown="HDF5 with particles",
-    ),
-    Format("mesh", _IO + "triangle_meshes:read", _is_mesh, scattered=True, shown=".obj and .ply of closed meshes"),
-    Format(
-        "ply",
-        _IO + "gaussian_ply:read",
-        _begins(b"ply\n", b"ply\r"),
-        ("scalar",),
-        scattered=True,
-        shown=".ply of 3D Gaussian Splatting",
-    ),
-    Format("vti", _IO + "vtk_xml.images:read", _is_vtk_image, ("name", "resample"), shown=".vti, .vtr, .pvti, .pvtr"),
-    Format(
-        "vtm image",
-        _IO + "vtk_xml.blocks:read",
-        lambda source: _blocks_of(source, scattered=False),
-        ("name", "resample", "step"),
-        shown=".vtm and .pvd of images",
-        parts=True,
-        steps=_IO + "vtk_xml.blocks:steps",
-    ),
-    Format(
-        "vtm",
-        _IO + "vtk_xml.blocks:read",
-        lambda source: _blocks_of(source, scattered=True),
-        ("scalar", "step"),
-        scattered=True,
-        shown=".vtm and .pvd of meshes (FILE.vtm:/block)",
-        parts=True,
-        steps=_IO + "vtk_xml.blocks:steps",
-    ),
-    Format(
-        "vtk",
-        _IO + "vtk_xml.meshes:read",
-        _is_vtk_xml,
-        ("scalar",),
-        scattered=True,
-        shown=".vtu, .vts, .vtp, .pvtu, .pvts, .pvtp",
-    ),
-    Format(
-        "vtk legacy image",
-        _IO + "vtk_legacy:read_volume",
-        _is_legacy("volume"),
-        ("name", "resample"),
-        shown=".vtk of images and rectilinear grids",
-    ),
-    Format("vtk legacy", _IO + "vtk_legacy:read_mesh", _is_legacy("mesh"), ("scalar",), scattered=True, shown=".vtk"),
-    Format("csv", _IO + "tables:read_csv", _is_table, ("scalar",), scattered=True, shown=".csv"),
-    Format(
-        "raw",
-        _IO + "raw:read",
-        lambda source: source.suffix in _RAW_SUFFIXES,
-        ("shape", "dtype", "offset"),
-        shown="raw samples",
-    ),
+    _volume("npy", "numpy_files:read_npy", ".npy", _begins(b"\x93NUMPY"), beats_raw=True),
+    _volume("npz", "numpy_files:read_npz", ".npz", _begins(*_ZIP), "name", beats_raw=True),
+    _volume("nrrd", "nrrd_files:read", "NRRD", _begins(b"NRRD"), beats_raw=True),
+    _volume("metaimage", "metaimage:read", "MetaImage (.mhd, .mha)", _is_metaimage, beats_raw=True),
+    _volume("nifti", "nifti:read", "NIfTI (.nii, .hdr)", _is_nifti, beats_raw=True),
+    _volume("dicom", "dicom:read", "DICOM series (a folder, or one of its files)", _is_dicom, "name",
+            beats_raw=True, recognizes_folder=_some(_is_dicom)),
+    _volume("tiff", "tiff:read", "TIFF stacks (a file, or a folder of slices)", _is_tiff,
+            beats_raw=True, recognizes_folder=_every(_is_tiff)),
+    _volume("mrc", "mrc:read", "MRC", _is_mrc, beats_raw=True),
+    _volume("openvdb", "vdb:read", "OpenVDB", _begins(b" BDV\0\0\0\0"), "name", beats_raw=True),
+    _volume("netcdf", "netcdf:read", "NetCDF", _is_netcdf, "name", "resample", "step",
+            parts=True, steps="netcdf:count_steps"),
+    _volume("vtkhdf image", "vtk_hdf:read_image", "VTKHDF images", _is_hdf5("vtkhdf image"), "name", "step",
+            steps="vtk_hdf:count_steps"),
+    _scattered("vtkhdf", "vtk_hdf:read", "VTKHDF meshes", _is_hdf5("vtkhdf"), "scalar", "step",
+               steps="vtk_hdf:count_steps"),
+    _volume("hdf5 volume", "hdf5_volumes:read", "HDF5 with volumes (FILE:/dataset)", _is_hdf5("volume"), "name",
+            parts=True),
+    _volume("zarr", "zarr_folders:read", "Zarr and OME-Zarr (FOLDER:/array)", _never, "name", "step",
+            recognizes_folder=_is_zarr, parts=True, steps="zarr_folders:count_steps"),
+    _scattered("meshio", "meshio_files:read", "Gmsh (.msh), MED, XDMF", _is_of_meshio, "scalar"),
+    _scattered("hdf5", "sph_hdf5:read", "HDF5 with particles", _begins(_HDF5), "scalar", "particles", "support"),
+    _scattered("mesh", "triangle_meshes:read", ".obj and .ply of closed meshes", _is_mesh),
+    _scattered("ply", "gaussian_ply:read", ".ply of 3D Gaussian Splatting", _begins(b"ply\n", b"ply\r"), "scalar"),
+    _volume("vti", "vtk_xml.images:read", ".vti, .vtr, .pvti, .pvtr", _is_vtk_image, "name", "resample"),
+    _volume("vtm image", "vtk_xml.blocks:read", ".vtm and .pvd of images", _is_of_blocks(scattered=False),
+            "name", "resample", "step", parts=True, steps="vtk_xml.blocks:steps"),
+    _scattered("vtm", "vtk_xml.blocks:read", ".vtm and .pvd of meshes (FILE.vtm:/block)", _is_of_blocks(scattered=True),
+               "scalar", "step", parts=True, steps="vtk_xml.blocks:steps"),
+    _scattered("vtk", "vtk_xml.meshes:read", ".vtu, .vts, .vtp, .pvtu, .pvts, .pvtp", _is_vtk_xml, "scalar"),
+    _volume("vtk legacy image", "vtk_legacy:read_volume", ".vtk of images and rectilinear grids", _is_legacy("volume"),
+            "name", "resample"),
+    _scattered("vtk legacy", "vtk_legacy:read_mesh", ".vtk", _is_legacy("mesh"), "scalar"),
+    _scattered("csv", "tables:read_csv", ".csv", _is_table, "scalar"),
+    _volume("raw", "raw:read", "raw samples", lambda source: source.suffix in _RAW_SUFFIXES,
+            "shape", "dtype", "offset"),
     # Recognized only by `find_format`: by the arrays of an .npz, and by the grid of the caller.
-    Format(
-        "ellipsoids",
-        _IO + "tables:read_npz",
-        options=("scalar",),
-        scattered=True,
-        shown=".npz with an array centers",
-    ),
-    Format(
-        "plot3d", _IO + "plot3d:read", options=("grid", "scalar"), scattered=True, shown="PLOT3D solutions with a grid"
-    ),
-)
+    _scattered("ellipsoids", "tables:read_npz", ".npz with an array centers", _never, "scalar"),
+    _scattered("plot3d", "plot3d:read", "PLOT3D solutions with a grid", _never, "grid", "scalar"),
+)  # fmt: skip
 #: All formats by their names.
 BY_NAME = {one.name: one for one in FORMATS}
 #: Formats of files that hold points instead of a regular volume.

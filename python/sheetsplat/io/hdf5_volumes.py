@@ -14,7 +14,7 @@ from sheetsplat import _memory
 from sheetsplat._checks import shown, triple
 from sheetsplat.errors import option_ref
 from sheetsplat.io import vtk_hdf
-from sheetsplat.io.checks import listed, printable, unreadable
+from sheetsplat.io.checks import floats, listed, printable, unreadable
 from sheetsplat.io.hdf5_access import attribute, check_stored, checked, inside, read_dataset, seekable, walk
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
@@ -87,8 +87,8 @@ def _told(path: Path, chosen: Any, values: NDArray[Any]) -> Volume:
     size = attribute(chosen, "element_size_um")
     spacing = (1.0, 1.0, 1.0)
     if size is not None:
-        steps = np.asarray(size, dtype=np.float64).reshape(-1)[::-1]
-        if steps.shape != (3,) or not np.all(np.isfinite(steps)) or np.any(steps <= 0):
+        steps = floats(path, "element_size_um", size, 3)[::-1]
+        if min(steps) <= 0:
             raise unreadable(path, f"element_size_um = {shown(size)}", "three numbers above 0")
         spacing = triple("element_size_um", steps)
         quantity = Quantity(quantity.name, quantity.unit, "µm")

@@ -2,7 +2,7 @@
 
 Others are left out: those whose files name other files (Abaqus, Nastran …), and those whose reader in meshio does not
 end where a file is cut off (Tecplot). What an XDMF or MED file refers to is looked at before meshio reads it: only
-files of its own folder.
+files of its own folder. Files of Gmsh, whose reader takes the memory that 600 bytes ask for, are read in a child.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import importlib
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +23,11 @@ from sheetsplat._checks import shown
 from sheetsplat.io.checks import beside, finite_points, require_rows, unreadable
 from sheetsplat.io.hdf5_access import checked, inside, walk
 from sheetsplat.io.records import Floats, Scattered
-from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
+from sheetsplat.io.sandbox import Array, read_apart
 from sheetsplat.io.source import DEFLATE_RATIO, Source
-from sheetsplat.io.vtk_cells import Cells, Meshes, joined
-from sheetsplat.io.vtk_xml.document import GuardedParser
+from sheetsplat.io.vtk_cells import Cells, checked_lists, joined, one_mesh
+from sheetsplat.io.vtk_grids import pick
+from sheetsplat.io.vtk_xml.document import parse_tree
 
 #: Modules of meshio by the suffixes of their files.
 MODULES = {".msh": "gmsh", ".med": "med", ".xdmf": "xdmf", ".xmf": "xdmf"}
@@ -35,57 +36,27 @@ _HDF5 = b"\x89HDF"
 _TYPES = {"tetra": 10, "hexahedron": 12, "wedge": 13, "pyramid": 14}
 _FLAT = ("vertex", "line", "triangle", "quad", "polygon")
 _POLYGON, _UNKNOWN = 7, 255
-_CHUNK = 1 << 20
-# How often the end of a file may be met.
-_ENDS = 100
+_LONGEST_NAME = 4096
 # Bytes that meshio takes for a byte of a text.
 _PER_BYTE = 16
 
 
-class _Lines(io.BufferedReader):
-    """A file that ends: meshio's reader of Gmsh reads as many lines as numbers in the file say, also beyond its end."""
-
-    _beyond = 0
-
-    def readline(self, size: int | None = -1, /) -> bytes:
-        """Return the next line; EOFError where it has been asked for beyond the end again and again."""
-        line = super().readline(size)
-        self._beyond = 0 if line else self._beyond + 1
-        if self._beyond > _ENDS:
-            raise EOFError("lines beyond its end")
-        return line
-
-
-class _References(GuardedParser):
-    """Finds the files, and the datasets in them, that an XDMF file names."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self._parser.CharacterDataHandler = self._take
-        self._texts: list[str] | None = None
-        self.datasets: dict[str, set[str]] = {}
-
-    def start(self, name: str, attributes: dict[str, str]) -> None:
-        """Take the DataItems whose numbers are elsewhere."""
-        if name.lower() == "include" or name.lower().endswith(":include"):
-            raise unreadable(self._path, f"an element {shown(name)}", "one file")
-        kind = attributes.get("Format", "XML")
-        if name != "DataItem" or kind == "XML":
-            return
-        if kind != "HDF":
-            raise unreadable(self._path, f"numbers of format {shown(kind)}", "XML or HDF")
-        self._texts = []
-
-    def _take(self, text: str) -> None:
-        if self._texts is not None and sum(map(len, self._texts)) < 4096:
-            self._texts.append(text)
-
-    def _end(self, name: str) -> None:
-        super()._end(name)
-        if self._texts is not None:
-            file, _, dataset = "".join(self._texts).strip().partition(":")
-            self.datasets.setdefault(file, set()).add(dataset)
-            self._texts = None
+def _references(source: Source) -> dict[str, set[str]]:
+    """Return the files, and the datasets in them, that an XDMF file names."""
+    found: dict[str, set[str]] = {}
+    for one in parse_tree(source).iter():
+        if one.tag.lower() == "include" or one.tag.lower().endswith(":include"):
+            raise unreadable(source.path, f"an element {shown(one.tag)}", "one file")
+        kind = one.get("Format", "XML")
+        if one.tag == "DataItem" and kind != "XML":
+            if kind != "HDF":
+                raise unreadable(source.path, f"numbers of format {shown(kind)}", "XML or HDF")
+            text = "".join(one.itertext())
+            if len(text) > _LONGEST_NAME:
+                raise unreadable(source.path, f"the name of a dataset of {len(text)} characters", "a shorter one")
+            file, _, dataset = text.strip().partition(":")
+            found.setdefault(file, set()).add(dataset)
+    return found
 
 
 def _check_hdf5(source: Source, of_numbers: Iterable[str] = ()) -> None:
@@ -121,39 +92,52 @@ def _check(source: Source) -> None:
         return
     _memory.require(_PER_BYTE * source.at_most(), f"the numbers of {path}")
     if MODULES[source.suffix] == "xdmf":
-        parser = _References(path)
-        source.stream.seek(0)
-        while piece := source.stream.read(_CHUNK):
-            parser.feed(piece)
-        parser.feed(b"", True)
-        for name, datasets in sorted(parser.datasets.items()):
+        for name, datasets in sorted(_references(source).items()):
             with Source(beside(path, name)) as other:
                 _check_hdf5(other, sorted(datasets))
 
 
-def _cells(mesh: Any, path: Path) -> Cells:
+def _arrays_of(mesh: Any) -> Iterator[Array]:
+    """Yield the arrays of a mesh of meshio, as `sandbox.read_apart` returns them."""
+    yield ("points",), np.asarray(mesh.points)
+    for block in mesh.cells:
+        yield ("cells", block.type), np.asarray(block.data)
+    for name, values in mesh.point_data.items():
+        yield ("point_data", str(name)), np.asarray(values)
+    for name, blocks in mesh.cell_data.items():
+        yield from ((("cell_data", str(name)), np.asarray(values)) for values in blocks)
+
+
+def _cells(blocks: Sequence[tuple[str, NDArray[Any]]], points: int, path: Path) -> Cells:
     lists: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
     types = [np.empty(0, np.int64)]
-    for block in mesh.cells:
-        rows = np.asarray(block.data)
+    for kind, rows in blocks:
         if rows.ndim != 2 or rows.dtype.kind not in "iu":
-            raise unreadable(path, f"cells of type {shown(block.type)}", "as many points in each of a type")
+            raise unreadable(path, f"cells of type {shown(kind)}", "as many points in each of a type")
         count, size = rows.shape
-        if rows.size and not (rows.min() >= 0 and rows.max() < len(mesh.points)):
-            found = f"cells with the points {rows.min()} to {rows.max()}"
-            raise unreadable(path, found, f"points 0 to {len(mesh.points) - 1}")
-        lists.append((rows.astype(np.int64).reshape(-1), size * np.arange(1, count + 1, dtype=np.int64)))
-        number = _TYPES.get(block.type, _POLYGON if block.type.startswith(_FLAT) else _UNKNOWN)
+        ends = size * np.arange(1, count + 1, dtype=np.int64)
+        numbers = rows.astype(np.int64).reshape(-1)
+        checked_lists(path, shown(kind), numbers, ends, points)
+        lists.append((numbers, ends))
+        number = _TYPES.get(kind, _POLYGON if kind.startswith(_FLAT) else _UNKNOWN)
         types.append(np.full(count, number, dtype=np.int64))
     return joined(lists, np.concatenate(types))
 
 
-def _rows(values: Any) -> NDArray[Any] | None:
+def _rows(values: NDArray[Any]) -> NDArray[Any] | None:
     """Return numbers as rows, (N,) or (N, columns); None for anything else."""
-    array = np.asarray(values)
-    if array.dtype.kind not in "biuf" or array.ndim < 1:
+    if values.dtype.kind not in "biuf" or values.ndim < 1:
         return None
-    return array if array.ndim == 1 else array.reshape(len(array), -1)
+    return values if values.ndim == 1 else values.reshape(len(values), -1)
+
+
+def _read(source: Source) -> list[Array]:
+    kind, path = MODULES[source.suffix], source.path
+    if kind == "gmsh":
+        return read_apart(source, kind)
+    with contextlib.redirect_stdout(io.StringIO()):
+        read = importlib.import_module("meshio." + kind).read
+        return list(_arrays_of(read(checked(source) if kind == "med" else str(path))))
 
 
 def read(source: Source, scalar: str | None = None) -> Scattered:
@@ -164,36 +148,30 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
     path = source.path
     _check(source)
     kind = MODULES[source.suffix]
-    with contextlib.redirect_stdout(io.StringIO()):
-        if kind == "gmsh":
-            with _Lines(io.FileIO(path)) as lines:
-                mesh = importlib.import_module("meshio.gmsh.main").read_buffer(lines)
-        elif kind == "med":
-            mesh = importlib.import_module("meshio.med").read(checked(source))
-        else:
-            mesh = importlib.import_module("meshio." + kind).read(str(path))
-    points: Floats = np.asarray(mesh.points, dtype=np.float64)
+    found: dict[str, list[tuple[str, NDArray[Any]]]] = {}
+    for key, values in _read(source):
+        found.setdefault(key[0], []).append((key[-1], values))
+    points: Floats = np.asarray(found["points"][0][1], dtype=np.float64)
     if points.ndim != 2 or not 1 <= points.shape[1] <= 3:
         raise unreadable(path, f"points of shape {points.shape}", "(N, 3)")
     require_rows(path, len(points))
     points = finite_points(path, np.pad(points, ((0, 0), (0, 3 - points.shape[1]))))
-    cells = _cells(mesh, path)
+    cells = _cells(found.get("cells", []), len(points), path)
     arrays: dict[str, tuple[bool, NDArray[Any]]] = {}
-    for name, values in mesh.point_data.items():
+    for name, values in found.get("point_data", []):
         rows = _rows(values)
         if rows is not None and len(rows) == len(points) and rows.size:
-            arrays[str(name)] = (False, rows)
-    for name, blocks in mesh.cell_data.items():
-        parts = [_rows(values) for values in blocks]
+            arrays[name] = (False, rows)
+    of_cells: dict[str, list[NDArray[Any] | None]] = {}
+    for name, values in found.get("cell_data", []):
+        of_cells.setdefault(name, []).append(_rows(values))
+    for name, parts in of_cells.items():
         same = all(part is not None and part.shape[1:] == parts[0].shape[1:] for part in parts)  # type: ignore[union-attr]
-        rows = np.concatenate(parts) if parts and same else None  # type: ignore[arg-type]
+        rows = np.concatenate(parts) if same else None  # type: ignore[arg-type]
         if rows is not None and len(rows) == cells.ends.size and rows.size:
-            arrays.setdefault(str(name), (True, rows))
-    widths = {name: 1 if rows.ndim == 1 else int(rows.shape[1]) for name, (_, rows) in arrays.items()}
+            arrays.setdefault(name, (True, rows))
+    known = [(name, of, 1 if rows.ndim == 1 else int(rows.shape[1]), rows) for name, (of, rows) in arrays.items()]
     # Numbers of geometric parts are no data, unless there are no others.
-    data = [name for name in widths if ":" not in name]
-    name, base, column = choose_scalar(path, scalar, sorted(data, key=lambda one: widths[one] > 1), widths)
-    of_cells, rows = arrays[base]
-    made = Meshes(path, of_cells)
-    made.add(points, cells, column_of(rows if widths[base] > 1 else rows.reshape(-1), column))
-    return made.scattered(name, kind, scalar_names(widths))
+    preferred = [name for name, _, width, _ in sorted(known, key=lambda one: one[2] > 1) if ":" not in name]
+    picked = pick(path, known, preferred, scalar)
+    return one_mesh(path, picked, points, cells, picked.of(picked.array), kind)

@@ -1,6 +1,7 @@
 """MetaImage files, .mhd with its data beside it and .mha with its data inside.
 
-Read here and not by a library, so that the sizes in a header are checked before memory is taken.
+Read here and not by a library (ITK's), so that the sizes in a header are checked before memory is taken, and samples
+can be read in parts.
 """
 
 from __future__ import annotations
@@ -119,7 +120,7 @@ def read(source: Source, *, located: bool = False) -> Volume:
     # Each three numbers are the direction of an axis of the file, the fastest first.
     matrix = floats(path, *_first(fields, "TransformMatrix", "Rotation", "Orientation", default=_IDENTITY), 9)
     turned = matrix != floats(path, "", _IDENTITY, 9)
-    packed = _truth(path, fields, "CompressedData")
+    encoding = "zlib" if _truth(path, fields, "CompressedData") else "raw"
     try:
         skip = int(fields.get("HeaderSize", "0"))
     except ValueError:
@@ -130,10 +131,10 @@ def read(source: Source, *, located: bool = False) -> Volume:
     name = fields["ElementDataFile"]
     count = math.prod(sizes)
     if name.upper() == "LOCAL":
-        values = _samples(source, length, dtype, count, packed=packed, skip=max(0, skip), located=located)
+        values = source.samples(dtype, count, length, encoding=encoding, skip=max(0, skip), located=located)
     else:
-        with Source(beside(path, name)) as samples:
-            values = _samples(samples, 0, dtype, count, packed=packed, skip=skip, located=located)
+        with Source(beside(path, name)) as other:
+            values = other.samples(dtype, count, 0, encoding=encoding, skip=skip, located=located)
     steps = np.reshape(matrix, (3, 3)) * np.abs(spacing)[:, np.newaxis]
     placed = along_the_world(path, "TransformMatrix", steps, np.asarray(origin), values.reshape(sizes[::-1]))
     details = {name.lower(): fields[name][:_LONGEST] for name in _TOLD if fields.get(name, "") not in _NOTHING}
@@ -160,16 +161,3 @@ def _number(text: str) -> float:
         return float(text)
     except ValueError:
         return math.nan
-
-
-def _samples(
-    source: Source, start: int, dtype: np.dtype[Any], count: int, *, packed: bool, skip: int, located: bool
-) -> Any:
-    if skip == -1:
-        if packed or source.packed:
-            raise unreadable(source.path, "HeaderSize = -1 for packed samples", "a number of bytes")
-        start, skip = max(0, source.path.stat().st_size - count * dtype.itemsize), 0
-    source.stream.seek(start)
-    payload = source.payload("zlib" if packed else "raw")
-    payload.skip(skip)
-    return payload.located(dtype, count) if located else payload.array(dtype, count)

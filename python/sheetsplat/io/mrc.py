@@ -11,7 +11,7 @@ import numpy as np
 
 from sheetsplat._checks import triple
 from sheetsplat.io.axes import along_the_world
-from sheetsplat.io.checks import checked_shape, printable, unreadable
+from sheetsplat.io.checks import checked_shape, floats, printable, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
 from sheetsplat.quantity import Quantity
@@ -44,9 +44,7 @@ def read(source: Source) -> Volume:
     skip = int(header["nsymbt"])
     if skip < 0:
         raise unreadable(path, f"an extended header of {skip} bytes", "a number that is not negative")
-    payload = source.payload("raw")
-    payload.skip(_HEADER + skip)
-    values = payload.array(dtype, math.prod(sizes)).reshape(sizes)
+    values = source.samples(dtype, math.prod(sizes), 0, skip=_HEADER + skip).reshape(sizes)
     # By axes of the cell: x, y, z.
     lengths = np.array([header["cella"][axis] for axis in "xyz"], dtype=np.float64)
     samples = np.array([header[name] for name in ("mx", "my", "mz")], dtype=np.float64)
@@ -58,9 +56,7 @@ def read(source: Source) -> Volume:
     if sorted(axes) != [0, 1, 2]:
         raise unreadable(path, f"axes {[axis + 1 for axis in axes]} of columns, rows, sections", "1, 2, 3 in any order")
     starts = np.array([header[name] for name in ("nxstart", "nystart", "nzstart")], dtype=np.float64)
-    origin = np.array([header["origin"][axis] for axis in "xyz"], dtype=np.float64)
-    if not np.all(np.isfinite(origin)):
-        raise unreadable(path, f"origin {origin.tolist()}", "three finite numbers")
+    origin = np.array(floats(path, "origin", [header["origin"][axis] for axis in "xyz"], 3))
     if not origin.any():
         # Older files place the first sample by its number.
         origin[axes] = starts * steps[axes]

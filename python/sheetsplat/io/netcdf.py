@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -71,12 +72,4 @@ def read(source: Source, name: str | None = None, resample: bool = False, step: 
     """
     with opened(source, name) as array:
         found = read_array(one_step(array, source.path, step), source.path, resample)
-    return Volume(
-        np.asarray(found.values),
-        found.spacing,
-        found.origin,
-        "netcdf",
-        found.details,
-        found.quantity,
-        found.orientation,
-    )
+        return replace(found, values=np.asarray(found.values), format="netcdf")

@@ -76,9 +76,7 @@ def read(source: Source) -> Volume:
     if apart:
         flat = _apart(source, dtype, math.prod(shape))
     else:
-        payload = source.payload("raw")
-        payload.skip(int(start))
-        flat = payload.array(dtype, math.prod(shape))
+        flat = source.samples(dtype, math.prod(shape), 0, skip=int(start))
     values = _scaled(source, flat, float(header["scl_slope"]), float(header["scl_inter"]))
     affine = np.asarray(header.get_best_affine(), dtype=np.float64)
     known = int(header["sform_code"]) > 0 or int(header["qform_code"]) > 0

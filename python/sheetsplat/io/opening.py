@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import pkgutil
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,11 +14,11 @@ from numpy.typing import DTypeLike
 
 from sheetsplat import _memory
 from sheetsplat._checks import is_off, shown
-from sheetsplat.errors import complain, option_ref, option_refs
+from sheetsplat.errors import complain, option_refs
 from sheetsplat.fields import EllipsoidField, RegularField
 from sheetsplat.io.axes import tell_units
 from sheetsplat.io.checks import Where, printable, unreadable
-from sheetsplat.io.formats import SCATTERED, Format, find_format, format_of
+from sheetsplat.io.formats import FORMATS, SCATTERED, Format, find_format, format_of
 from sheetsplat.io.kernels import field_of, given, log_base, logarithm
 from sheetsplat.io.records import Scattered, Volume
 from sheetsplat.io.source import opened
@@ -99,19 +99,7 @@ def read_volume(
             advice = "open it with sheetsplat.open, which converts it to ellipsoids"
             what, wrong = f"{path} cannot be read as a volume", f"scattered data ({found.name})"
             raise complain(what, wrong, "a regular volume", advice)
-        failed = f"{path} cannot be read with these options"
-        if found.name != "raw" and options.keys() & {"shape", "dtype", "offset"}:
-            refused = option_refs(("shape", "dtype", "offset")) + f" for a file of format {found.name}"
-            raise complain(failed, refused, "them only for raw samples; this file has a header")
-        if name is not None and "name" not in found.options:
-            refused = option_ref("name") + " for a single array"
-            raise complain(failed, refused, "it only for .npz, .vti and other files with several arrays", option="name")
-        if resample and "resample" not in found.options:
-            wanted = "it only for formats with coordinates"
-            raise complain(failed, option_ref("resample") + f" for a file of format {found.name}", wanted)
-        if step is not None and "step" not in found.options:
-            wanted = "it only for formats with time steps"
-            raise complain(failed, option_ref("step") + f" for a file of format {found.name}", wanted, option="step")
+        _refuse_others(path, found, options)
         volume: Volume = found.read(source, **options)
         return volume
 
@@ -162,25 +150,27 @@ def read_scattered(
     if not found.scattered:
         raise unreadable(Path(path), f"a file of format {found.name}", "scattered data: " + ", ".join(SCATTERED))
     options = given(grid=grid, scalar=scalar, particles=particles, support=support, step=step)
-    for name in options.keys() - set(found.options):
-        refused = option_ref(name) + f" for a file of format {found.name}"
-        raise complain(f"{path} cannot be read with these options", refused, "it only for HDF5", option=name)
+    _refuse_others(path, found, options)
     # Numbers that are not finite are errors of the readers.
     with opened(path) as source, np.errstate(all="ignore"):
         data: Scattered = found.read(source, **options)
         return data
 
 
-def _refuse(path: Where | os.PathLike[str], options: Mapping[str, Any], names: tuple[str, ...], what: str) -> None:
+def _refuse(path: Where | os.PathLike[str], options: Mapping[str, Any], names: Iterable[str], what: str) -> None:
     wrong = [name for name in names if name in options]
     if wrong:
-        raise complain(
-            f"{path} cannot be opened with these options",
-            option_refs(wrong) + f" for {what}",
-            "only options that its format uses",
-            "leave them out",
-            option=wrong[0] if len(wrong) == 1 else None,
-        )
+        alone = wrong[0] if len(wrong) == 1 else None
+        takers = ", ".join(one.shown for one in FORMATS if set(wrong) <= set(one.options))
+        wanted = f"{'it' if alone else 'them'} only for {takers}" if takers else "only options that its format uses"
+        failed = f"{path} cannot be opened with these options"
+        raise complain(failed, option_refs(wrong) + f" for {what}", wanted, "leave them out", option=alone)
+
+
+def _refuse_others(path: Where | os.PathLike[str], found: Format, options: Mapping[str, Any]) -> None:
+    """Raise InvalidInput for options that a format does not take."""
+    others = [name for name in options if name not in found.options]
+    _refuse(path, options, others, f"a file of format {found.name}")
 
 
 def refused_for(where: Where, record: Volume | Scattered, options: Mapping[str, Any]) -> None:
@@ -196,8 +186,7 @@ def kind_of(path: str | os.PathLike[str], options: Mapping[str, Any]) -> Format:
     raw = any(name in options for name in ("shape", "dtype"))
     grid = options.get("grid") is not None
     found = find_format(path, raw_options=raw, name=options.get("name"), grid=grid)
-    if "step" not in found.options:
-        _refuse(path, options, ("step",), f"a file of format {found.name}")
+    _refuse_others(path, found, {name: None for name in ("step",) if name in options})
     if found.scattered:
         _refuse(path, options, REGULAR, f"scattered data ({found.name})")
     else:

@@ -26,6 +26,7 @@ from sheetsplat.io.checks import finite_points, finite_values, require_rows, sid
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import unknown_scalar
 from sheetsplat.io.source import Source
+from sheetsplat.io.vtk_cells import hexahedra_of
 
 # More blocks or longer sides indicate the wrong byte order.
 _MOST_BLOCKS = 4096
@@ -340,10 +341,7 @@ def _hexahedra(blocks: tuple[Shape, ...], shown: NDArray[np.bool_]) -> tuple[NDA
     first = 0
     for ni, nj, nk in blocks:
         if min(ni, nj, nk) > 1:
-            grid = first + np.arange(ni * nj * nk).reshape(nk, nj, ni)
-            ring = [grid[:, j : nj - 1 + j, i : ni - 1 + i] for j, i in ((0, 0), (0, 1), (1, 1), (1, 0))]
-            corners = [layer[k : nk - 1 + k].reshape(-1) for k in (0, 1) for layer in ring]
-            cells = np.stack(corners, axis=1)
+            cells = first + hexahedra_of((ni, nj, nk))
             found.append(number[cells[shown[cells].all(axis=1)]])
         first += ni * nj * nk
     found = [cells for cells in found if len(cells)]

@@ -200,6 +200,32 @@ class Source(contextlib.ExitStack):
         bound = self.at_most() * DEFLATE_RATIO + _DEFLATE_SLACK
         return Payload(self, _gzip(self.stream) if encoding == "gzip" else _zlib(self.stream), bound)
 
+    def samples(
+        self,
+        dtype: np.dtype[Any],
+        count: int,
+        start: int,
+        *,
+        encoding: str = "raw",
+        skip: int = 0,
+        located: bool = False,
+    ) -> Any:
+        """Return `count` values behind `start` bytes of the file and `skip` bytes of what the encoding unpacks.
+
+        A skip of −1: they are the last of the file. `located`: `StoredSamples`, of which nothing is read.
+
+        Raises what `Payload` does, and InvalidInput for packed values at the end of a file.
+        """
+        if skip == -1:
+            if encoding != "raw" or self.packed:
+                wanted = "a number of bytes before them"
+                raise complain(f"{self.path} cannot be read", "packed samples at the end of the file", wanted)
+            start, skip = max(start, self._size - count * dtype.itemsize), 0
+        self.stream.seek(start)
+        payload = self.payload(encoding)
+        payload.skip(skip)
+        return payload.located(dtype, count) if located else payload.array(dtype, count)
+
 
 class Folder(contextlib.ExitStack):
     """A folder whose files are read as one thing. Its context is `guarded`.

@@ -5,19 +5,17 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.io.checks import Where, finite_values, unreadable
 from sheetsplat.io.records import Floats, Scattered
+from sheetsplat.io.vtk_grids import Picked
 
 #: VTK's number of a hexahedron.
 HEXAHEDRON = 12
-#: The array by which VTK marks points and cells that belong to another piece, or are hidden.
-GHOSTS = "vtkGhostType"
-#: Arrays that VTK writes for itself.
-OWN_ARRAYS = (GHOSTS, "vtkOriginalPointIds", "vtkOriginalCellIds")
 
 _log = logging.getLogger("sheetsplat")
 
@@ -157,14 +155,23 @@ class Meshes:
         self._values.append(values)
         self._count += len(points)
 
-    def scattered(self, scalar: str, file_format: str, known: tuple[str, ...]) -> Scattered:
-        """Return all pieces; InvalidInput for values that are not finite."""
+    def scattered(self, picked: Picked, file_format: str) -> Scattered:
+        """Return all pieces with the scalar that is shown; InvalidInput for values that are not finite."""
         return Scattered(
             np.concatenate(self._points),
-            finite_values(self.where, scalar, np.concatenate(self._values)),
-            scalar,
+            finite_values(self.where, picked.name, np.concatenate(self._values)),
+            picked.name,
             file_format,
-            known,
+            picked.known,
             cells=tuple(self._mesh) if self._mesh and not self.of_cells else None,
             details={"scalar of": "the cells, at their centroids" if self.of_cells else "the points"},
         )
+
+
+def one_mesh(
+    where: Where, picked: Picked, points: Floats, cells: Cells, values: NDArray[Any], file_format: str
+) -> Scattered:
+    """Return a mesh of one piece; see `Meshes`."""
+    made = Meshes(where, picked.of_cells)
+    made.add(points, cells, values.astype(np.float64))
+    return made.scattered(picked, file_format)

@@ -1,10 +1,12 @@
 """VTK's data sets in HDF5 (.vtkhdf): images, unstructured grids and surfaces, in partitions and in time steps.
 
+Read through h5py and its checks (`hdf5_access`), as all HDF5 is, and without VTK.
 Source: the VTKHDF file format, versions 1 and 2, of VTK's documentation.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,15 +14,13 @@ import h5py  # type: ignore[import-untyped, unused-ignore]
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat._checks import shown, triple
-from sheetsplat.io.axes import nearest_the_world
-from sheetsplat.io.checks import checked_shape, chosen_step, finite_points, printable, require_rows, unreadable
+from sheetsplat._checks import shown
+from sheetsplat.io.checks import checked_shape, chosen_step, finite_points, floats, printable, require_rows, unreadable
 from sheetsplat.io.hdf5_access import attribute, check_stored, checked, inside, read_rows
 from sheetsplat.io.records import Scattered, Volume
-from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
 from sheetsplat.io.source import Source
-from sheetsplat.io.vtk_cells import OWN_ARRAYS, Cells, Meshes, checked_lists, joined
-from sheetsplat.quantity import Quantity
+from sheetsplat.io.vtk_cells import Cells, Meshes, checked_lists, joined
+from sheetsplat.io.vtk_grids import STRAIGHT, Picked, counts_of, image, pick, sizes_of
 
 _GROUP = "VTKHDF"
 _MESHES = ("UnstructuredGrid", "PolyData")
@@ -90,79 +90,53 @@ def count_steps(source: Source, name: str | None = None) -> int:
         return _Step(source.path, inside(source.path, file, _GROUP)).count
 
 
-class _Arrays:
-    """The arrays of points and cells of a data set, and that of them which is shown."""
+def _pick(path: Path, group: Any, scalar: str | None, grid_axes: int) -> Picked:
+    """Return the scalar that is shown; its array is the dataset, and where Steps has its first rows."""
+    owners = [(name, inside(path, group, name)) for name in ("PointData", "CellData")]
+    owners = [(name, one) for name, one in owners if isinstance(one, h5py.Group)]
 
-    def __init__(self, path: Path, group: Any, scalar: str | None, grid_axes: int) -> None:
-        self._path = path
-        found: dict[str, tuple[str, Any]] = {}
-        widths: dict[str, int] = {}
-        preferred = []
-        for where in ("PointData", "CellData"):
-            owner = inside(path, group, where)
-            if not isinstance(owner, h5py.Group):
-                continue
-            names = list(owner)
+    def arrays() -> Iterator[tuple[str, bool, int, Any]]:
+        for owner, there in owners:
+            names = list(there)
             if len(names) > _MOST_ARRAYS:
-                raise unreadable(path, f"{len(names)} arrays of {where}", f"at most {_MOST_ARRAYS}")
-            preferred.append(printable(attribute(owner, "Scalars")))
+                raise unreadable(path, f"{len(names)} arrays of {owner}", f"at most {_MOST_ARRAYS}")
             for name in names:
-                one = inside(path, owner, name)
+                one = inside(path, there, name)
                 usable = isinstance(one, h5py.Dataset) and one.dtype.kind in "iuf"
-                usable = usable and name not in widths and name not in OWN_ARRAYS
-                if usable and one.ndim in (grid_axes, grid_axes + 1) and one.shape[grid_axes:] != (0,):
-                    found[name] = (where, one)
-                    widths[name] = 1 if one.ndim == grid_axes else int(one.shape[-1])
-        self.name, self._base, self.column = choose_scalar(path, scalar, [one for one in preferred if one], widths)
-        self.known = scalar_names(widths)
-        where, self.dataset = found[self._base]
-        self.of_cells = where == "CellData"
-        self.of_vectors = widths[self._base] > 1
-        #: Where the dataset Steps/… has the first row of each time step.
-        self.offsets = f"{where}Offsets/{self._base}"
+                if usable and one.ndim in (grid_axes, grid_axes + 1):
+                    columns = 1 if one.ndim == grid_axes else int(one.shape[-1])
+                    yield name, owner == "CellData", columns, (one, f"{owner}Offsets/{name}")
 
-    def rows(self, first: int, count: int) -> NDArray[Any]:
-        """Return rows of the array that is shown."""
-        return read_rows(self._path, self.dataset, self.name, slice(first, first + count), 8)
+    return pick(path, arrays(), [printable(attribute(one, "Scalars")) for _, one in owners], scalar)
 
 
 def _image(path: Path, group: Any, scalar: str | None, number: int | None) -> Volume:
     step = _Step(path, group)
     step.choose(number)
-    arrays = _Arrays(path, group, scalar, 3 + step.has_axis)
-    whole = attribute(group, "WholeExtent", 6)
-    numbers = [] if whole is None else [int(one) for one in np.asarray(whole).reshape(-1)]
-    if len(numbers) != 6:
-        raise unreadable(path, f"WholeExtent = {shown(numbers)}", "six whole numbers")
-    points = [numbers[2 * axis + 1] - numbers[2 * axis] + 1 for axis in (2, 1, 0)]
-    counts = checked_shape(path, [max(one - 1, 1) if arrays.of_cells else one for one in points], "the extent")
-    axes = arrays.dataset.shape[step.has_axis :]
-    if tuple(axes[:3]) != counts:
-        raise unreadable(path, f"{arrays.name} of {axes}", f"{counts}, as WholeExtent says")
-    if step.has_axis:
-        at = step.first(arrays.offsets)
-        rows = arrays.rows(step.number if at is None else at, 1)[0]
-    else:
-        rows = arrays.rows(0, counts[0])
-    if arrays.of_vectors:
-        rows = column_of(rows.reshape(-1, rows.shape[-1]), arrays.column)
-    values = rows.reshape(counts)
+    picked = _pick(path, group, scalar, 3 + step.has_axis)
+    dataset, offsets = picked.array
 
-    def told(name: str, default: tuple[float, ...]) -> NDArray[np.float64]:
+    def told(name: str, *default: float) -> list[float]:
         given = attribute(group, name, 9)
-        found = np.asarray(default if given is None else given, dtype=np.float64).reshape(-1)
-        if found.size != len(default) or not np.all(np.isfinite(found)):
-            raise unreadable(path, f"{name} = {shown(given)}", f"{len(default)} finite numbers")
-        return found
+        return floats(path, name, default if given is None else given, len(default))
 
-    spacing = triple("Spacing", told("Spacing", (1.0, 1.0, 1.0)))
+    whole = attribute(group, "WholeExtent", 6)
+    extent = [] if whole is None else [int(one) for one in np.asarray(whole).reshape(-1)]
+    if len(extent) != 6:
+        raise unreadable(path, f"WholeExtent = {shown(extent)}", "six whole numbers")
+    counts = counts_of(sizes_of(extent), of_cells=picked.of_cells)[::-1]
+    axes = dataset.shape[step.has_axis :]
+    if tuple(axes[:3]) != checked_shape(path, counts, "the extent"):
+        raise unreadable(path, f"{picked.name} of {axes}", f"{tuple(counts)}, as WholeExtent says")
+    first, rows = 0, counts[0]
+    if step.has_axis:
+        at = step.first(offsets)
+        first, rows = step.number if at is None else at, 1
+    values = _rows(path, picked.name, dataset, first, rows).reshape(-1, picked.columns)
+    spacing, origin = told("Spacing", 1.0, 1.0, 1.0), told("Origin", 0.0, 0.0, 0.0)
     if min(spacing) <= 0:
         raise unreadable(path, f"Spacing = {spacing}", "three numbers above 0")
-    steps = told("Direction", (1.0, 0, 0, 0, 1, 0, 0, 0, 1)).reshape(3, 3).T * np.asarray(spacing)[:, None]
-    first = np.asarray(numbers[::2], dtype=np.float64) + 0.5 * arrays.of_cells
-    placed = nearest_the_world(path, "Direction", steps, told("Origin", (0.0, 0, 0)) + first @ steps, values, None)
-    details = {"content": arrays.name, **placed.details}
-    return Volume(placed.values, placed.spacing, placed.origin, "vtkhdf", details, Quantity(printable(arrays.name)))
+    return image(path, picked, picked.of(values), extent, spacing, origin, told("Direction", *STRAIGHT), "vtkhdf")
 
 
 def read_image(source: Source, name: str | None = None, step: int | None = None) -> Volume:
@@ -174,20 +148,8 @@ def read_image(source: Source, name: str | None = None, step: int | None = None)
         return _image(source.path, inside(source.path, file, _GROUP), name, step)
 
 
-class _Rows:
-    """Rows of a dataset that are taken one part after another, read at once."""
-
-    def __init__(self, path: Path, group: Any, name: str, first: int, count: int) -> None:
-        one = inside(path, group, name)
-        if not isinstance(one, h5py.Dataset) or one.dtype.kind not in "iuf" or one.ndim not in (1, 2):
-            raise unreadable(path, f"no numbers in {name}", "a dataset")
-        self._rows = read_rows(path, one, name, slice(first, first + count), 8)
-        self._used = 0
-
-    def take(self, count: int) -> NDArray[Any]:
-        """Return the next rows."""
-        self._used += count
-        return self._rows[self._used - count : self._used]
+def _rows(path: Path, name: str, dataset: Any, first: int, count: int) -> NDArray[Any]:
+    return read_rows(path, dataset, name, slice(first, first + count), 8)
 
 
 class _Partitions:
@@ -219,9 +181,12 @@ class _Partitions:
             raise unreadable(self._path, f"negative numbers in {name}", "numbers that are not negative")
         return [int(count) for count in rows]
 
-    def rows(self, name: str, count: int, first: int | None) -> _Rows:
-        """Return rows of all partitions; `first` as the step has it, 0 unless it does."""
-        return _Rows(self._path, self._group, name, first or 0, count)
+    def rows(self, name: str, counts: Sequence[int], first: int | None) -> list[NDArray[Any]]:
+        """Return so many rows of each partition; `first` as the step has it, 0 unless it does."""
+        one = inside(self._path, self._group, name)
+        if not isinstance(one, h5py.Dataset) or one.dtype.kind not in "iuf" or one.ndim not in (1, 2):
+            raise unreadable(self._path, f"no numbers in {name}", "a dataset")
+        return np.split(_rows(self._path, name, one, first or 0, sum(counts)), np.cumsum(counts)[:-1])
 
 
 class _Lists:
@@ -230,19 +195,17 @@ class _Lists:
     def __init__(self, path: Path, parts: _Partitions, step: _Step, prefix: str, number: int) -> None:
         self._path, self._name = path, prefix + "Connectivity"
         self.cells = parts.counts(prefix + "NumberOfCells")
-        self._sizes = parts.counts(prefix + "NumberOfConnectivityIds")
+        sizes = parts.counts(prefix + "NumberOfConnectivityIds")
         self.first = step.first("CellOffsets", number) or 0
         # A partition has one more of them than cells.
         starts = self.first + parts.first
-        self._offsets = parts.rows(prefix + "Offsets", sum(self.cells) + parts.count, starts)
-        ids = step.first("ConnectivityIdOffsets", number)
-        self._connectivity = parts.rows(self._name, sum(self._sizes), ids)
+        self._offsets = parts.rows(prefix + "Offsets", [count + 1 for count in self.cells], starts)
+        self._connectivity = parts.rows(self._name, sizes, step.first("ConnectivityIdOffsets", number))
 
-    def take(self, part: int, points: int) -> tuple[NDArray[Any], NDArray[Any]]:
-        """Return point numbers and ends of the cells of the next partition."""
-        offsets = self._offsets.take(self.cells[part] + 1).astype(np.int64)
-        connectivity = self._connectivity.take(self._sizes[part]).astype(np.int64).reshape(-1)
-        ends = offsets[1:].reshape(-1)
+    def of(self, part: int, points: int) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Return point numbers and ends of the cells of a partition."""
+        connectivity = self._connectivity[part].astype(np.int64).reshape(-1)
+        ends = self._offsets[part].astype(np.int64)[1:].reshape(-1)
         checked_lists(self._path, self._name, connectivity, ends, points)
         return connectivity, ends
 
@@ -250,7 +213,8 @@ class _Lists:
 def _mesh(path: Path, group: Any, kind: str, scalar: str | None, number: int | None) -> Scattered:
     step = _Step(path, group)
     step.choose(number)
-    arrays = _Arrays(path, group, scalar, 1)
+    picked = _pick(path, group, scalar, 1)
+    dataset, offsets = picked.array
     parts = _Partitions(path, group, step)
     points_of = parts.counts("NumberOfPoints")
     require_rows(path, sum(points_of))
@@ -259,24 +223,22 @@ def _mesh(path: Path, group: Any, kind: str, scalar: str | None, number: int | N
     lists = [_Lists(path, parts, step, prefix, number) for number, prefix in enumerate(prefixes)]
     cells_of = [sum(one.cells[part] for one in lists) for part in range(len(points_of))]
     first_point = step.first("PointOffsets") or 0
-    all_points = parts.rows("Points", sum(points_of), first_point)
-    all_types = parts.rows("Types", sum(cells_of), lists[0].first) if is_mesh else None
-    first = step.first(arrays.offsets)
+    all_points = parts.rows("Points", points_of, first_point)
+    all_types = parts.rows("Types", cells_of, lists[0].first) if is_mesh else None
+    first = step.first(offsets)
     if first is None:
-        first = sum(one.first for one in lists) if arrays.of_cells else first_point
-    values = column_of(arrays.rows(first, sum(cells_of if arrays.of_cells else points_of)), arrays.column)
-    meshes = Meshes(path, arrays.of_cells)
-    used = 0
+        first = sum(one.first for one in lists) if picked.of_cells else first_point
+    counts = cells_of if picked.of_cells else points_of
+    values = np.split(picked.of(_rows(path, picked.name, dataset, first, sum(counts))), np.cumsum(counts)[:-1])
+    meshes = Meshes(path, picked.of_cells)
     for part, count in enumerate(points_of):
-        points = all_points.take(count)
+        points = all_points[part]
         if points.ndim != 2 or points.shape[1] != 3:
             raise unreadable(path, f"Points of {points.shape}", "(N, 3)")
-        types = np.empty(0, np.int64) if all_types is None else all_types.take(cells_of[part]).astype(np.int64)
-        cells: Cells = joined([one.take(part, count) for one in lists], types.reshape(-1))
-        taken = cells_of[part] if arrays.of_cells else count
-        meshes.add(finite_points(path, points.astype(np.float64)), cells, values[used : used + taken])
-        used += taken
-    return meshes.scattered(arrays.name, "vtkhdf", arrays.known)
+        types = np.empty(0, np.int64) if all_types is None else all_types[part].astype(np.int64)
+        cells: Cells = joined([one.of(part, count) for one in lists], types.reshape(-1))
+        meshes.add(finite_points(path, points.astype(np.float64)), cells, values[part].astype(np.float64))
+    return meshes.scattered(picked, "vtkhdf")
 
 
 def read(source: Source, scalar: str | None = None, step: int | None = None) -> Scattered:

@@ -1,11 +1,12 @@
 """VTK's legacy files (.vtk): images, rectilinear, structured and unstructured grids, surfaces; text or binary.
 
-Hand-written, because VTK's own reader trusts the sizes in a file.
+Read here and not by VTK, whose reader trusts the sizes in a file: 10 of 120 damaged binary files ended its process.
 Source: the VTK File Formats document, "Simple Legacy Formats", and what VTK 4.2 to 9.7 write.
 """
 
 from __future__ import annotations
 
+import math
 import re
 import urllib.parse
 from dataclasses import dataclass, field
@@ -15,24 +16,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _memory
-from sheetsplat._checks import shown, triple
+from sheetsplat._checks import shown
 from sheetsplat.errors import Error
-from sheetsplat.io.axes import on_even_axes
 from sheetsplat.io.checks import (
     checked_shape,
     finite_points,
     floats,
     natural,
     numbers_in_text,
-    printable,
     require_rows,
     unreadable,
 )
 from sheetsplat.io.records import Floats, Scattered, Volume
-from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
 from sheetsplat.io.source import Source
-from sheetsplat.io.vtk_cells import HEXAHEDRON, Cells, Meshes, checked_lists, hexahedra_of, joined, same_cells
-from sheetsplat.quantity import Quantity
+from sheetsplat.io.vtk_cells import HEXAHEDRON, Cells, checked_lists, hexahedra_of, joined, one_mesh, same_cells
+from sheetsplat.io.vtk_grids import STRAIGHT, counts_of, image, pick, rectilinear, sizes_of
 
 SIGNATURE = b"# vtk DataFile Version "
 _KIND = re.compile(rb"[^\n]*\n[^\n]*\n\s*(?:ASCII|BINARY)\s+DATASET\s+(\w+)", re.IGNORECASE)
@@ -348,19 +346,17 @@ class _Chosen:
         parser = _Parser(source)
         self.path, self.contents, self.stream = source.path, parser.parse(), parser.stream
         # Those of the points first, in either order of the sections.
-        arrays = dict(sorted(self.contents.arrays.items(), key=lambda one: one[1].of_cells))
-        preferred = [name for name in arrays if name in self.contents.preferred]
-        widths = {name: slot.columns for name, slot in arrays.items()}
-        self.name, base, self._column = choose_scalar(self.path, wanted, preferred, widths)
-        self.known, self._slot = scalar_names(widths), arrays[base]
-        self.of_cells = self._slot.of_cells
+        arrays = sorted(self.contents.arrays.items(), key=lambda one: one[1].of_cells)
+        preferred = [name for name, _ in arrays if name in self.contents.preferred]
+        rows = ((name, slot.of_cells, slot.columns, slot) for name, slot in arrays)
+        self.picked = pick(self.path, rows, preferred, wanted)
 
     def values(self, count: int) -> NDArray[Any]:
         """Return the values in their own type; InvalidInput unless there are so many."""
-        if self._slot.rows != count:
-            raise unreadable(self.path, f"{self._slot.rows} values of {shown(self.name)}", f"{count}")
-        rows = self.stream.read(self._slot)
-        return rows if rows.ndim == 1 else column_of(rows, self._column)
+        slot: _Slot = self.picked.array
+        if slot.rows != count:
+            raise unreadable(self.path, f"{slot.rows} values of {shown(self.picked.name)}", f"{count}")
+        return self.picked.of(self.stream.read(slot))
 
     def read(self, name: str) -> NDArray[Any]:
         """Return an array that the data set must have."""
@@ -368,18 +364,25 @@ class _Chosen:
             raise unreadable(self.path, f"no {name}", f"it in a {self.contents.kind}")
         return self.stream.read(self.contents.slots[name])
 
-    def dimensions(self) -> tuple[list[int], list[int]]:
-        """Return the points along x, y, z and the number of the first one."""
+    def extent(self) -> list[int]:
+        """Return the first and the last number of the points along x, y and z."""
         numbers = self.contents.numbers
         words = numbers.get("EXTENT", numbers.get("DIMENSIONS", "")).split()
         if "EXTENT" in numbers and len(words) == 6 and all(word.lstrip("-").isdigit() for word in words):
-            first, last = [int(word) for word in words[::2]], [int(word) for word in words[1::2]]
-            counts = [high - low + 1 for low, high in zip(first, last, strict=True)]
+            found = [int(word) for word in words]
         else:
-            counts, first = [natural(self.path, "DIMENSIONS", word) for word in words], [0, 0, 0]
-        if len(counts) != 3:
+            found = [end for word in words for end in (0, natural(self.path, "DIMENSIONS", word) - 1)]
+        if len(found) != 6:
             raise unreadable(self.path, f"DIMENSIONS {' '.join(words)}", "three whole numbers")
-        return list(checked_shape(self.path, counts, "DIMENSIONS")), first
+        checked_shape(self.path, sizes_of(found), "DIMENSIONS")
+        return found
+
+    def along(self, axis: str, count: int) -> Floats:
+        """Return the coordinates of the points along an axis."""
+        along = self.read(axis).astype(np.float64)
+        if along.size != count:
+            raise unreadable(self.path, f"{along.size} {axis}", f"{count}, as DIMENSIONS says")
+        return along
 
 
 def read_volume(source: Source, name: str | None = None, resample: bool = False) -> Volume:
@@ -390,31 +393,18 @@ def read_volume(source: Source, name: str | None = None, resample: bool = False)
     path = source.path
     with np.errstate(all="ignore"):
         chosen = _Chosen(source, name)
-        counts, first = chosen.dimensions()
-        shape = [max(count - 1, 1) if chosen.of_cells else count for count in counts]
-        values = chosen.values(int(np.prod(shape, dtype=np.int64))).reshape(shape[::-1])
-        places: list[Floats | None] = []
-        if chosen.contents.kind == "STRUCTURED_POINTS":
-            numbers = chosen.contents.numbers
-            spacing = triple("SPACING", floats(path, "SPACING", numbers.get("SPACING", "1 1 1"), 3))
-            origin = floats(path, "ORIGIN", numbers.get("ORIGIN", "0 0 0"), 3)
-            if min(spacing) <= 0:
-                raise unreadable(path, f"SPACING {spacing}", "three numbers above 0")
-            start = [
-                low + (at + 0.5 * chosen.of_cells) * step for low, at, step in zip(origin, first, spacing, strict=True)
-            ]
-            details: dict[str, str] = {}
-            place = triple("ORIGIN", start)
-        else:
-            for axis, count in zip(_AXES, counts, strict=True):
-                along = chosen.read(axis).astype(np.float64)
-                if along.size != count:
-                    raise unreadable(path, f"{along.size} {axis}", f"{count}, as DIMENSIONS says")
-                places.append(0.5 * (along[1:] + along[:-1]) if chosen.of_cells and count > 1 else along)
-            placed = on_even_axes(path, ("x", "y", "z"), places, values, resample=resample)
-            values, spacing, place, details = placed.values, placed.spacing, placed.origin, placed.details
-        details = {"content": printable(chosen.name), **details}
-        return Volume(values, spacing, place, "vtk", details, Quantity(printable(chosen.name)))
+        extent = chosen.extent()
+        counts = counts_of(sizes_of(extent), of_cells=chosen.picked.of_cells)
+        values = chosen.values(math.prod(counts))
+        if chosen.contents.kind == "RECTILINEAR_GRID":
+            points = [chosen.along(axis, count) for axis, count in zip(_AXES, sizes_of(extent), strict=True)]
+            return rectilinear(path, chosen.picked, values, points, resample, "vtk")
+        numbers = chosen.contents.numbers
+        spacing = floats(path, "SPACING", numbers.get("SPACING", "1 1 1"), 3)
+        origin = floats(path, "ORIGIN", numbers.get("ORIGIN", "0 0 0"), 3)
+        if min(spacing) <= 0:
+            raise unreadable(path, f"SPACING {spacing}", "three numbers above 0")
+        return image(path, chosen.picked, values, extent, spacing, origin, STRAIGHT, "vtk")
 
 
 def _lists(chosen: _Chosen, points: int) -> Cells:
@@ -470,13 +460,11 @@ def read_mesh(source: Source, scalar: str | None = None) -> Scattered:
         require_rows(path, chosen.contents.slots["POINTS"].rows if "POINTS" in chosen.contents.slots else 0)
         points = finite_points(path, chosen.read("POINTS").astype(np.float64).reshape(-1, 3))
         if kind == "STRUCTURED_GRID":
-            counts, _ = chosen.dimensions()
-            if int(np.prod(counts, dtype=np.int64)) != len(points):
+            counts = sizes_of(chosen.extent())
+            if math.prod(counts) != len(points):
                 raise unreadable(path, f"{len(points)} POINTS", f"{' x '.join(map(str, counts))}")
             cells = same_cells(hexahedra_of(counts), HEXAHEDRON)
         else:
             cells = _lists(chosen, len(points))
-        meshes = Meshes(path, chosen.of_cells)
-        number = cells.ends.size if chosen.of_cells else len(points)
-        meshes.add(points, cells, chosen.values(number).astype(np.float64))
-        return meshes.scattered(chosen.name, "vtk", chosen.known)
+        number = cells.ends.size if chosen.picked.of_cells else len(points)
+        return one_mesh(path, chosen.picked, points, cells, chosen.values(number), "vtk")

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.io.axes import nearest_the_world, on_even_axes
-from sheetsplat.io.checks import Where, finite_points, printable, require_rows, unreadable
+from sheetsplat.io.checks import Where, finite_points, require_rows, unreadable
 from sheetsplat.io.records import Floats, Scattered, Volume
-from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
-from sheetsplat.io.vtk_cells import HEXAHEDRON, OWN_ARRAYS, Cells, Meshes, hexahedra_of, joined, same_cells
-from sheetsplat.quantity import Quantity
+from sheetsplat.io.vtk_cells import HEXAHEDRON, Cells, hexahedra_of, joined, one_mesh, same_cells
+from sheetsplat.io.vtk_grids import Picked, image, pick, rectilinear
 
 
 def _numbers(array: Any) -> NDArray[Any]:
@@ -26,70 +24,27 @@ def _numbers(array: Any) -> NDArray[Any]:
     return found
 
 
-@dataclass(frozen=True)
-class _Scalar:
-    """The scalar that is shown: its name, whether cells have it, its numbers in their own type, and all names."""
+def _scalar(data: Any, where: Where, wanted: str | None) -> tuple[Picked, NDArray[Any]]:
+    """Return the chosen scalar, of the points or else of the cells, the active one unless named, and its numbers."""
+    owners = (data.GetPointData(), data.GetCellData())
 
-    name: str
-    of_cells: bool
-    values: NDArray[Any]
-    known: tuple[str, ...]
+    def arrays() -> Iterator[tuple[str | None, bool, int, Any]]:
+        for of_cells, owner in enumerate(owners):
+            for number in range(owner.GetNumberOfArrays()):
+                if (one := owner.GetArray(number)) is not None:
+                    yield one.GetName(), bool(of_cells), int(one.GetNumberOfComponents()), one
 
-
-def _scalar(data: Any, where: Where, wanted: str | None) -> _Scalar:
-    """Return the chosen scalar: of the points, else of the cells; the active one unless another is named."""
-    arrays: dict[str, tuple[bool, Any]] = {}
-    widths: dict[str, int] = {}
-    preferred = []
-    for of_cells, attributes in ((False, data.GetPointData()), (True, data.GetCellData())):
-        active = attributes.GetScalars()
-        if active is not None and active.GetName():
-            preferred.append(str(active.GetName()))
-        for number in range(attributes.GetNumberOfArrays()):
-            one = attributes.GetArray(number)
-            name = None if one is None else one.GetName()
-            if name and name not in arrays and name not in OWN_ARRAYS and one.GetNumberOfComponents() > 0:
-                arrays[name], widths[name] = (of_cells, one), int(one.GetNumberOfComponents())
-    name, base, column = choose_scalar(where, wanted, preferred, widths)
-    of_cells, array = arrays[base]
-    rows = _numbers(array)
-    values = rows if rows.ndim == 1 else column_of(rows, column)
-    return _Scalar(name, of_cells, values, scalar_names(widths))
-
-
-def _samples(where: Where, scalar: _Scalar, points: tuple[int, int, int]) -> NDArray[Any]:
-    """Return values as [k, j, i] of a grid with so many points along x, y, z."""
-    counts = [max(count - 1, 1) if scalar.of_cells else count for count in points]
-    if scalar.values.size != np.prod(counts) or not scalar.values.size:
-        raise unreadable(where, f"{scalar.values.size} values of {scalar.name!r}", f"{' x '.join(map(str, counts))}")
-    return scalar.values.reshape(counts[::-1])
-
-
-def _told(scalar: _Scalar) -> dict[str, Any]:
-    name = printable(scalar.name)
-    return {"details": {"content": name, "scalar of": "the cells" if scalar.of_cells else "the points"},
-            "quantity": Quantity(name)}  # fmt: skip
+    active = [owner.GetScalars() for owner in owners]
+    picked = pick(where, arrays(), [str(one.GetName()) for one in active if one is not None], wanted)
+    return picked, picked.of(_numbers(picked.array))
 
 
 def read_image(data: Any, where: Where, scalar: str | None = None) -> Volume:
-    """Return an image (vtkImageData) as a volume; cells have their values at their middles.
-
-    Images that are turned keep their own axes (`axes.nearest_the_world`).
-
-    Raises InvalidInput for unknown scalars.
-    """
-    chosen = _scalar(data, where, scalar)
-    values = _samples(where, chosen, data.GetDimensions())
+    """Return an image (vtkImageData) as a volume; see `vtk_grids.image`. Raises InvalidInput for unknown scalars."""
     matrix = data.GetDirectionMatrix()
-    # Columns of the matrix are the directions of the axes.
-    directions = np.array([[matrix.GetElement(row, axis) for row in range(3)] for axis in range(3)], dtype=np.float64)
-    steps = directions * np.asarray(data.GetSpacing(), dtype=np.float64)[:, None]
-    first = np.asarray(data.GetExtent()[::2], dtype=np.float64) + 0.5 * chosen.of_cells
-    origin = np.asarray(data.GetOrigin(), dtype=np.float64) + first @ steps
-    placed = nearest_the_world(where, "the direction matrix", steps, origin, values, None)
-    told = _told(chosen)
-    told["details"] |= placed.details
-    return Volume(placed.values, placed.spacing, placed.origin, "vtk image", **told)
+    direction = [matrix.GetElement(row, column) for row in range(3) for column in range(3)]
+    place = (data.GetExtent(), data.GetSpacing(), data.GetOrigin(), direction)
+    return image(where, *_scalar(data, where, scalar), *place, "vtk image")
 
 
 def read_rectilinear(data: Any, where: Where, scalar: str | None = None, resample: bool = False) -> Volume:
@@ -97,16 +52,9 @@ def read_rectilinear(data: Any, where: Where, scalar: str | None = None, resampl
 
     Raises InvalidInput for unknown scalars, and for uneven coordinates unless `resample` is true.
     """
-    chosen = _scalar(data, where, scalar)
-    values = _samples(where, chosen, data.GetDimensions())
-    places: list[Floats | None] = []
-    for coordinates in (data.GetXCoordinates(), data.GetYCoordinates(), data.GetZCoordinates()):
-        along = _numbers(coordinates).astype(np.float64)
-        places.append(0.5 * (along[1:] + along[:-1]) if chosen.of_cells and along.size > 1 else along)
-    placed = on_even_axes(where, ("x", "y", "z"), places, values, resample=resample)
-    told = _told(chosen)
-    told["details"] |= placed.details
-    return Volume(placed.values, placed.spacing, placed.origin, "vtk rectilinear grid", **told)
+    axes = (data.GetXCoordinates(), data.GetYCoordinates(), data.GetZCoordinates())
+    points = [_numbers(one).astype(np.float64) for one in axes]
+    return rectilinear(where, *_scalar(data, where, scalar), points, resample, "vtk rectilinear grid")
 
 
 def _points(data: Any, where: Where) -> Floats:
@@ -118,23 +66,21 @@ def _points(data: Any, where: Where) -> Floats:
     return finite_points(where, _numbers(points.GetData()).astype(np.float64))
 
 
-def _scattered(where: Where, points: Floats, cells: Cells, scalar: _Scalar, file_format: str) -> Scattered:
+def _scattered(data: Any, where: Where, scalar: str | None, cells: Cells, file_format: str) -> Scattered:
     """Return points with their values, or the middles of cells with theirs."""
-    made = Meshes(where, scalar.of_cells)
-    made.add(points, cells, scalar.values.astype(np.float64))
-    return made.scattered(scalar.name, file_format, scalar.known)
+    picked, values = _scalar(data, where, scalar)
+    points = _points(data, where)
+    if picked.of_cells and cells.ends.size != values.size:
+        raise unreadable(where, "values of cells without a volume", "values of points", "use cell_data_to_point_data()")
+    return one_mesh(where, picked, points, cells, values, file_format)
 
 
 def read_structured(data: Any, where: Where, scalar: str | None = None) -> Scattered:
     """Return a structured grid as a mesh of hexahedra; raises InvalidInput for unknown scalars."""
-    chosen = _scalar(data, where, scalar)
-    points = _points(data, where)
     counts = [0, 0, 0]
     data.GetDimensions(counts)
-    hexahedra = hexahedra_of(counts)
-    if chosen.of_cells and hexahedra.shape[0] != chosen.values.size:
-        raise unreadable(where, "values of cells without a volume", "values of points", "use cell_data_to_point_data()")
-    return _scattered(where, points, same_cells(hexahedra, HEXAHEDRON), chosen, "vtk structured grid")
+    cells = same_cells(hexahedra_of(counts), HEXAHEDRON)
+    return _scattered(data, where, scalar, cells, "vtk structured grid")
 
 
 def _lists(groups: list[Any], types: NDArray[np.int64]) -> Cells:
@@ -155,20 +101,15 @@ def _types(data: Any) -> Any:
 
 def read_unstructured(data: Any, where: Where, scalar: str | None = None) -> Scattered:
     """Return an unstructured grid: its points and the cells with a volume; raises InvalidInput for unknown scalars."""
-    chosen = _scalar(data, where, scalar)
-    points = _points(data, where)
     types = _numbers(_types(data)).astype(np.int64) if data.GetNumberOfCells() else np.empty(0, np.int64)
-    cells = _lists([data.GetCells()], types)
-    return _scattered(where, points, cells, chosen, "vtk unstructured grid")
+    return _scattered(data, where, scalar, _lists([data.GetCells()], types), "vtk unstructured grid")
 
 
 def read_surface(data: Any, where: Where, scalar: str | None = None) -> Scattered:
     """Return the points of a surface, or the middles of its cells; raises InvalidInput for unknown scalars."""
-    chosen = _scalar(data, where, scalar)
-    points = _points(data, where)
     # The order in which VTK counts cells.
     groups = [data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips()]
-    return _scattered(where, points, _lists(groups, np.empty(0, np.int64)), chosen, "vtk surface")
+    return _scattered(data, where, scalar, _lists(groups, np.empty(0, np.int64)), "vtk surface")
 
 
 def read_blocks(data: Any, where: Where, **options: Any) -> Volume | Scattered:
@@ -177,10 +118,8 @@ def read_blocks(data: Any, where: Where, **options: Any) -> Volume | Scattered:
     from sheetsplat.io.objects import read_object
 
     blocks = [data.GetBlock(number) for number in range(data.GetNumberOfBlocks())]
-    there = [one for one in blocks if one is not None and kind_of_object(one) is not None]
+    there = [(one, kind) for one in blocks if one is not None and (kind := kind_of_object(one)) is not None]
     if len(there) != 1:
         advice = "choose one block, or join them to one grid, in PyVista by combine()"
         raise unreadable(where, f"{len(there)} blocks", "one", advice)
-    kind = kind_of_object(there[0])
-    assert kind is not None
-    return read_object(there[0], kind, options)
+    return read_object(*there[0], options)

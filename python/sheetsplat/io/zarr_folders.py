@@ -23,7 +23,7 @@ import numpy as np
 from sheetsplat import _memory
 from sheetsplat._checks import Triple, shown, triple
 from sheetsplat.errors import Error, InvalidInput, Unsupported, complain, option_ref
-from sheetsplat.io.checks import checked_shape, chosen_step, listed, printable, unreadable
+from sheetsplat.io.checks import checked_shape, chosen_step, floats, listed, printable, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import DEFLATE_RATIO, Folder, guarded
 from sheetsplat.quantity import Quantity
@@ -426,9 +426,9 @@ def _transforms(path: Path, axes: list[str], level: Any, image: Any) -> tuple[di
         kind = one.get("type")
         if kind not in ("scale", "translation"):
             continue
-        numbers = [float(number) for number in one[kind]]
-        if len(numbers) != len(axes) or not all(map(math.isfinite, numbers)) or (kind == "scale" and min(numbers) <= 0):
-            raise unreadable(path, f"{kind} {shown(numbers)}", f"{len(axes)} finite numbers, scales above 0")
+        numbers = floats(path, kind, one[kind], len(axes))
+        if kind == "scale" and min(numbers) <= 0:
+            raise unreadable(path, f"{kind} {shown(numbers)}", "numbers above 0")
         for axis, number in zip(axes, numbers, strict=True):
             if kind == "scale":
                 steps[axis] *= number

@@ -9,9 +9,10 @@ import base64
 import io
 import lzma
 import zlib
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, BinaryIO
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +21,14 @@ from sheetsplat import _memory
 from sheetsplat._checks import shown
 from sheetsplat.errors import Error, Unsupported, complain
 from sheetsplat.io.checks import natural, numbers_in_text, unreadable
-from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
 from sheetsplat.io.source import Source
-from sheetsplat.io.vtk_cells import GHOSTS, OWN_ARRAYS
-from sheetsplat.io.vtk_xml.document import DataArray, Document, Piece
+from sheetsplat.io.vtk_grids import GHOSTS, Picked, pick
+from sheetsplat.io.vtk_xml.document import DataArray, Document, arrays_of
 
 _NAMES = "Int8 UInt8 Int16 UInt16 Int32 UInt32 Int64 UInt64 Float32 Float64"
 TYPES = {name: name.lower() for name in _NAMES.split()}
+#: Elements with the arrays of points and cells.
+OWNERS = ("PointData", "CellData")
 # Of cells, vtkDataSetAttributes: DUPLICATECELL and HIDDENCELL.
 _LEFT_OUT = 1 | 32
 # Most characters of a number as text, and a margin for other text of an array.
@@ -34,37 +36,17 @@ _LONGEST_WORD = 64
 _SLACK = 1 << 16
 
 
-@dataclass(frozen=True)
-class Chosen:
-    """The scalar that is shown: its element (PointData or CellData), its name, its array, its column, and all names.
+def pick_scalar(path: Path, owner: Element, scalar: str | None, prefix: str = "") -> Picked:
+    """Return the scalar to show of those that a piece has, or a file declares: the active one unless named."""
+    preferred = [one.get("Scalars", "") for name in OWNERS for one in owner.findall(prefix + name)]
 
-    `components` is how many columns its array has.
-    """
+    def arrays() -> Iterator[tuple[str, bool, int, str]]:
+        for of_cells, where in enumerate(OWNERS):
+            for one in arrays_of(path, owner, where, prefix):
+                if one.type in TYPES:
+                    yield one.name, bool(of_cells), one.components, where
 
-    where: str
-    name: str
-    base: str
-    column: int | None
-    components: int
-    known: tuple[str, ...]
-
-    @property
-    def of_cells(self) -> bool:
-        """Return whether it belongs to the cells."""
-        return self.where == "CellData"
-
-
-def pick_scalar(path: Path, piece: Piece, scalar: str | None) -> Chosen:
-    """Return the scalar to show of those that a piece has: that with this name, or the active one, or the first."""
-    owners: dict[str, str] = {}
-    widths: dict[str, int] = {}
-    for where in ("PointData", "CellData"):
-        for one in piece.arrays.get(where, []):
-            if one.type in TYPES and one.name and one.name not in widths and one.name not in OWN_ARRAYS:
-                owners[one.name], widths[one.name] = where, one.components
-    preferred = [piece.chosen[role] for role in ("PointData Scalars", "CellData Scalars") if role in piece.chosen]
-    name, base, column = choose_scalar(path, scalar, preferred, widths)
-    return Chosen(owners[base], name, base, column, widths[base], scalar_names(widths))
+    return pick(path, arrays(), preferred, scalar)
 
 
 class _Bytes:
@@ -101,29 +83,33 @@ class ArrayReader:
     def _fail(self, found: str, wanted: str, advice: str = "") -> Error:
         return unreadable(self._path, found, wanted, advice)
 
-    def count(self, piece: Piece, name: str) -> int:
-        """Return a number of points or cells that a piece declares, 0 unless it does."""
-        return natural(self._path, name, piece.attributes.get(name, "0").strip())
+    def arrays(self, piece: Element, where: str) -> list[DataArray]:
+        """Return what an element of a piece (PointData, Cells ...) declares."""
+        return arrays_of(self._path, piece, where)
 
-    def named(self, piece: Piece, where: str, name: str, count: int) -> NDArray[Any]:
-        """Return the numbers of an array of a piece by its element (PointData, Cells ...) and its name."""
-        for one in piece.arrays.get(where, []):
+    def count(self, piece: Element, name: str) -> int:
+        """Return a number of points or cells that a piece declares, 0 unless it does."""
+        return natural(self._path, name, piece.get(name, "0").strip())
+
+    def named(self, piece: Element, where: str, name: str, count: int) -> NDArray[Any]:
+        """Return the numbers of an array of a piece by its element and its name."""
+        for one in self.arrays(piece, where):
             if one.name == name:
                 return self.array(one, count)
         found = f"a Piece whose {where} has no array {shown(name)}"
         raise self._fail(found, "the same arrays in every Piece")
 
-    def scalar(self, piece: Piece, chosen: Chosen, count: int) -> NDArray[Any]:
+    def scalar(self, piece: Element, picked: Picked, count: int) -> NDArray[Any]:
         """Return the scalar of a piece, (count,): in the file's own type where it is a whole array."""
-        rows = self.named(piece, chosen.where, chosen.base, count)
-        if rows.size != count * chosen.components:
-            found = f"{rows.size // max(count, 1)} components of the array {shown(chosen.base)}"
-            raise self._fail(found, f"{chosen.components}, as other pieces have")
-        return rows if chosen.components == 1 else column_of(rows, chosen.column)
+        rows = self.named(piece, picked.array, picked.base, count)
+        if rows.size != count * picked.columns:
+            found = f"{rows.size // max(count, 1)} components of the array {shown(picked.base)}"
+            raise self._fail(found, f"{picked.columns}, as other pieces have")
+        return picked.of(rows)
 
-    def ghosts(self, piece: Piece, count: int) -> NDArray[np.bool_] | None:
+    def ghosts(self, piece: Element, count: int) -> NDArray[np.bool_] | None:
         """Return which cells of a piece stand for those of another one, or are hidden; None where it does not say."""
-        for one in piece.arrays.get("CellData", []):
+        for one in self.arrays(piece, "CellData"):
             if one.name == GHOSTS:
                 marks = self.array(one, count).reshape(-1).astype(np.int64)
                 return np.asarray(marks & _LEFT_OUT, dtype=np.bool_)
@@ -139,15 +125,16 @@ class ArrayReader:
         if one.format == "appended":
             values = self._appended(one, dtype, count)
         else:
-            if one.length > _LONGEST_WORD * count + _SLACK:
-                raise self._fail(f"{one.length} characters of the array {shown(one.name)}", f"{count} numbers")
-            _memory.require(8 * one.length, f"the array {one.name!r} of {self._path}")
-            text = b"".join(one.text)
+            text = one.text
+            if len(text) > _LONGEST_WORD * count + _SLACK:
+                raise self._fail(f"{len(text)} characters of the array {shown(one.name)}", f"{count} numbers")
+            _memory.require(8 * len(text), f"the array {one.name!r} of {self._path}")
+            data = text.encode("ascii", "replace")
             if one.format == "ascii":
-                values = numbers_in_text(text, dtype)
+                values = numbers_in_text(data, dtype)
             else:
-                text = b"".join(text.split())
-                values = self._unpacked(one, dtype, count, _Bytes(io.BytesIO(text), len(text), encoded=True))
+                data = b"".join(data.split())
+                values = self._unpacked(one, dtype, count, _Bytes(io.BytesIO(data), len(data), encoded=True))
         if values.size != count:
             raise self._fail(f"{values.size} numbers in the array {shown(one.name)}", f"{count}")
         return values.reshape(-1, one.components) if one.components > 1 else values

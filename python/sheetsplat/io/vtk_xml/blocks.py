@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 from sheetsplat._checks import shown
 from sheetsplat.errors import option_ref
@@ -11,10 +12,9 @@ from sheetsplat.io import formats
 from sheetsplat.io.checks import beside, chosen_step, listed, printable, unreadable
 from sheetsplat.io.records import Scattered, Volume
 from sheetsplat.io.source import Source
-from sheetsplat.io.vtk_xml.document import GuardedParser
+from sheetsplat.io.vtk_xml.document import parse_tree
 
 _BLOCKS, _SERIES = "vtkMultiBlockDataSet", "Collection"
-_CHUNK = 1 << 20
 _MOST_BLOCKS = 10_000
 
 
@@ -27,46 +27,33 @@ class _Block:
     time: str
 
 
-class _Parser(GuardedParser):
-    """Parser of the elements Block, Piece and DataSet."""
+class _Contents:
+    """The data sets that a file names, and whether they are times of a series."""
 
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self._names: list[str] = []
-        self.is_series = False
+    def __init__(self, source: Source) -> None:
+        root, path = parse_tree(source), source.path
+        kind = root.get("type")
+        if root.tag != "VTKFile" or kind not in (_BLOCKS, _SERIES):
+            raise unreadable(path, f"<{shown(root.tag)[1:-1]}>", f"a VTK file of type {_BLOCKS} or {_SERIES}")
+        self.is_series = kind == _SERIES
         self.blocks: list[_Block] = []
-
-    def start(self, name: str, attributes: dict[str, str]) -> None:
-        """Take the names of blocks and the files of data sets."""
-        depth = len(self._stack)
-        if depth == 0:
-            kind = attributes.get("type")
-            if name != "VTKFile" or kind not in (_BLOCKS, _SERIES):
-                raise unreadable(self._path, f"<{shown(name)[1:-1]}>", f"a VTK file of type {_BLOCKS} or {_SERIES}")
-            self.is_series = kind == _SERIES
-        own = printable(attributes.get("name")) or printable(attributes.get("index")) or name
-        del self._names[depth:]
-        self._names.append(own)
-        if name == "DataSet" and attributes.get("file"):
-            if len(self.blocks) >= _MOST_BLOCKS:
-                raise unreadable(self._path, f"more than {_MOST_BLOCKS} blocks", "fewer")
-            time = printable(attributes.get("timestep"))
-            self.blocks.append(_Block("/".join(self._names[2:]), attributes["file"], time))
+        # Those that are left, the next one last, each with the names of the blocks around it.
+        left: list[tuple[Element, tuple[str, ...]]] = [(one, ()) for part in reversed(root) for one in reversed(part)]
+        while left:
+            one, around = left.pop()
+            names = (*around, printable(one.get("name")) or printable(one.get("index")) or one.tag)
+            if one.tag == "DataSet" and one.get("file"):
+                if len(self.blocks) >= _MOST_BLOCKS:
+                    raise unreadable(path, f"more than {_MOST_BLOCKS} blocks", "fewer")
+                time = printable(one.get("timestep"))
+                self.blocks.append(_Block("/".join(names), one.get("file", ""), time))
+            left += [(inner, names) for inner in reversed(one)]
 
 
-def _parsed(source: Source) -> _Parser:
-    parser = _Parser(source.path)
-    source.stream.seek(0)
-    while piece := source.stream.read(_CHUNK):
-        parser.feed(piece)
-    parser.feed(b"", True)
-    return parser
-
-
-def _files(source: Source, parser: _Parser) -> list[Path]:
+def _files(source: Source, contents: _Contents) -> list[Path]:
     """Return the file of each time of a series, in the order of the file."""
     times: dict[str, list[str]] = {}
-    for one in parser.blocks:
+    for one in contents.blocks:
         times.setdefault(one.time, []).append(one.file)
     several = next((time for time, files in times.items() if len(files) > 1), None)
     if several is not None:
@@ -77,15 +64,15 @@ def _files(source: Source, parser: _Parser) -> list[Path]:
 
 def _chosen(source: Source, step: int | None) -> Path:
     """Return the file of a time, of the only block, or of that which FILE:/name names; InvalidInput without one."""
-    parser = _parsed(source)
-    if parser.is_series:
-        files = _files(source, parser)
+    contents = _Contents(source)
+    if contents.is_series:
+        files = _files(source, contents)
         return files[chosen_step(source.path, len(files), step)]
     if step is not None:
         raise unreadable(source.path, option_ref("step") + " for blocks", "it for time series (.pvd)", option="step")
     wanted = source.inner.strip("/")
-    names = [one.name for one in parser.blocks]
-    found = [one for one in parser.blocks if one.name == wanted] if wanted else parser.blocks
+    names = [one.name for one in contents.blocks]
+    found = [one for one in contents.blocks if one.name == wanted] if wanted else contents.blocks
     if len(found) != 1:
         advice = f"choose one: {source.path.name}:/{names[0]}" if names else ""
         about = f"{len(found)} blocks called {shown(wanted)}" if wanted else f"{len(found)} blocks"
@@ -95,8 +82,8 @@ def _chosen(source: Source, step: int | None) -> Path:
 
 def kind_of(source: Source) -> str:
     """Return the name of the format of the block that is shown, or of the first time."""
-    parser = _parsed(source)
-    files = _files(source, parser) if parser.is_series else []
+    contents = _Contents(source)
+    files = _files(source, contents) if contents.is_series else []
     with Source(files[0] if files else _chosen(source, None)) as block:
         if formats.names_blocks(block):
             raise unreadable(source.path, f"{block.path.name}, which names files itself", "a data set in its own file")
@@ -105,8 +92,8 @@ def kind_of(source: Source) -> str:
 
 def steps(source: Source, name: str | None = None) -> list[Path]:
     """Return the file of each time of a series; of blocks none."""
-    parser = _parsed(source)
-    return _files(source, parser) if parser.is_series else []
+    contents = _Contents(source)
+    return _files(source, contents) if contents.is_series else []
 
 
 def read(source: Source, step: int | None = None, **options: object) -> Volume | Scattered:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from sheetsplat import _memory
 from sheetsplat._checks import shown
 from sheetsplat.io.checks import checked_shape, unreadable
-from sheetsplat.io.vtk_xml.document import Piece
+from sheetsplat.io.vtk_grids import counts_of, sizes_of
 
 
 def extent(path: Path, text: str, what: str) -> list[int]:
@@ -27,16 +28,15 @@ def extent(path: Path, text: str, what: str) -> list[int]:
     return numbers
 
 
-def counts_of(path: Path, numbers: list[int], *, of_cells: bool) -> tuple[int, ...]:
-    """Return (nk, nj, ni), the samples of an extent; cells are one fewer than points, at least one."""
-    points = [numbers[2 * axis + 1] - numbers[2 * axis] + 1 for axis in (2, 1, 0)]
-    counts = [max(count - 1, 1) if of_cells else count for count in points]
+def _shape(path: Path, numbers: list[int], *, of_cells: bool) -> tuple[int, ...]:
+    """Return (nk, nj, ni), the samples of an extent."""
+    counts = counts_of(sizes_of(numbers), of_cells=of_cells)[::-1]
     return checked_shape(path, counts, "the extent in samples (z, y, x)")
 
 
-def piece_extent(path: Path, piece: Piece, whole: list[int]) -> list[int]:
+def piece_extent(path: Path, piece: Element, whole: list[int]) -> list[int]:
     """Return the extent of a piece, the whole one unless it says; InvalidInput unless it is inside."""
-    own = piece.attributes.get("Extent")
+    own = piece.get("Extent")
     numbers = whole if own is None else extent(path, own, "Extent")
     if any(numbers[2 * a] < whole[2 * a] or numbers[2 * a + 1] > whole[2 * a + 1] for a in range(3)):
         raise unreadable(path, f"a Piece of extent {numbers}", f"one inside of {whole}")
@@ -61,7 +61,7 @@ class Assembly:
     def __init__(self, path: Path, whole: list[int], *, of_cells: bool, columns: int = 0) -> None:
         self._path, self._whole, self._of_cells = path, whole, of_cells
         self._ending = (columns,) if columns else ()
-        self.shape = counts_of(path, whole, of_cells=of_cells)
+        self.shape = _shape(path, whole, of_cells=of_cells)
         self._values: NDArray[Any] | None = None
         # Which rows there are; None: all of them. Pieces share layers of points, and overlap where they have ghosts.
         self._filled: NDArray[np.bool_] | None = None
@@ -73,7 +73,7 @@ class Assembly:
         """
         if self._values is not None and self._filled is None:
             return
-        here = counts_of(self._path, numbers, of_cells=self._of_cells)
+        here = _shape(self._path, numbers, of_cells=self._of_cells)
         rows = rows_of(math.prod(here)).reshape(*here, *self._ending)
         if here == self.shape:
             self._values, self._filled = rows, None

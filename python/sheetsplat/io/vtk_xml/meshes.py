@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +22,14 @@ from sheetsplat.io.vtk_cells import (
     require_rising,
     same_cells,
 )
-from sheetsplat.io.vtk_xml.arrays import ArrayReader, Chosen
-from sheetsplat.io.vtk_xml.document import KINDS, Piece
+from sheetsplat.io.vtk_grids import Picked
+from sheetsplat.io.vtk_xml.arrays import ArrayReader
+from sheetsplat.io.vtk_xml.document import KINDS
 from sheetsplat.io.vtk_xml.extents import Assembly, extent, piece_extent
 from sheetsplat.io.vtk_xml.pieces import Pieces
 
 
-def _mesh(path: Path, kind: str, reader: ArrayReader, piece: Piece, count: int) -> Cells:
+def _mesh(path: Path, kind: str, reader: ArrayReader, piece: Element, count: int) -> Cells:
     """Return the cells of a piece; those of a surface in VTK's order: vertices, lines, strips, polygons."""
     if kind == "UnstructuredGrid":
         groups = [("Cells", reader.count(piece, "NumberOfCells"))]
@@ -52,22 +54,22 @@ def _mesh(path: Path, kind: str, reader: ArrayReader, piece: Piece, count: int) 
     return joined(lists, types)
 
 
-def _points(path: Path, reader: ArrayReader, piece: Piece, count: int) -> Floats:
+def _points(path: Path, reader: ArrayReader, piece: Element, count: int) -> Floats:
     require_rows(path, count)
-    place = piece.arrays.get("Points", [])
+    place = reader.arrays(piece, "Points")
     if len(place) != 1 or place[0].components != 3:
         raise unreadable(path, f"{len(place)} arrays of Points", "one with three components")
     return finite_points(path, reader.array(place[0], count).astype(np.float64))
 
 
-def _values(reader: ArrayReader, piece: Piece, chosen: Chosen, count: int) -> Floats:
-    return reader.scalar(piece, chosen, count).astype(np.float64)
+def _values(reader: ArrayReader, piece: Element, picked: Picked, count: int) -> Floats:
+    return reader.scalar(piece, picked, count).astype(np.float64)
 
 
-def _structured(pieces: Pieces, meshes: Meshes, chosen: Chosen) -> None:
+def _structured(pieces: Pieces, meshes: Meshes, picked: Picked) -> None:
     """Add a structured grid, whose pieces are put together."""
     path = pieces.path
-    whole = extent(path, pieces.attributes.get("WholeExtent", ""), "WholeExtent")
+    whole = extent(path, pieces.data.get("WholeExtent", ""), "WholeExtent")
     points = Assembly(path, whole, of_cells=False, columns=3)
     values = Assembly(path, whole, of_cells=meshes.of_cells)
     counts = points.shape[::-1]
@@ -76,7 +78,7 @@ def _structured(pieces: Pieces, meshes: Meshes, chosen: Chosen) -> None:
     for reader, piece in pieces:
         numbers = piece_extent(path, piece, whole)
         points.add(numbers, partial(_points, path, reader, piece))
-        values.add(numbers, partial(_values, reader, piece, chosen))
+        values.add(numbers, partial(_values, reader, piece, picked))
     placed = points.whole().reshape(-1, 3)
     meshes.add(placed, same_cells(hexahedra_of(counts), HEXAHEDRON), values.whole().reshape(-1))
 
@@ -97,20 +99,20 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
     """
     path = source.path
     pieces = Pieces(source)
-    chosen = pieces.pick_scalar(scalar)
-    meshes = Meshes(path, chosen.of_cells)
+    picked = pieces.pick_scalar(scalar)
+    meshes = Meshes(path, picked.of_cells)
     if pieces.kind == "StructuredGrid":
-        _structured(pieces, meshes, chosen)
-        return meshes.scattered(chosen.name, KINDS[pieces.kind], chosen.known)
+        _structured(pieces, meshes, picked)
+        return meshes.scattered(picked, KINDS[pieces.kind])
     for reader, piece in pieces:
         count = reader.count(piece, "NumberOfPoints")
         if not count:
             continue
         here = _points(path, reader, piece, count)
         cells = _mesh(path, pieces.kind, reader, piece, count)
-        values = _values(reader, piece, chosen, cells.ends.size if chosen.of_cells else count)
+        values = _values(reader, piece, picked, cells.ends.size if picked.of_cells else count)
         ghosts = reader.ghosts(piece, cells.ends.size)
         if ghosts is not None:
-            cells, values = cells.where(~ghosts), values[~ghosts] if chosen.of_cells else values
+            cells, values = cells.where(~ghosts), values[~ghosts] if picked.of_cells else values
         meshes.add(here, cells, values)
-    return meshes.scattered(chosen.name, KINDS[pieces.kind], chosen.known)
+    return meshes.scattered(picked, KINDS[pieces.kind])

@@ -4,9 +4,14 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <memory>
+#include <mutex>
 #include <new>
+#include <numeric>
+#include <string>
+#include <type_traits>
 
 #include "backend_cpu/lattice_extremes.hpp"
 #include "backend_cpu/loop_setup.hpp"
@@ -14,10 +19,12 @@
 #include "backend_cpu/sorted_view.hpp"
 #include "backend_cpu/tile_feed.hpp"
 #include "backend_cpu/tile_task.hpp"
+#include "base/checks.hpp"
 #include "base/clock.hpp"
 #include "base/instruction_set.hpp"
 #include "base/memory.hpp"
 #include "base/poll.hpp"
+#include "plan/limits_common.hpp"
 #include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
 #include "view/kept_slices.hpp"
@@ -132,6 +139,7 @@ void clear_picture(const Job& job, const LoopSetup<T>& setup, const TileShape& s
         const T least = std::numeric_limits<T>::infinity();
         std::fill(picture.scalar, picture.scalar + elements, plan.mode == Mode::minimum ? least : -least);
     }
+    std::fill(std::begin(picture.doubts), std::end(picture.doubts), T(0));
     scratch.row_alive.assign(static_cast<std::size_t>(shape.height), shape.width);
     picture.row_alive = scratch.row_alive.data();
     picture.alive = shape.width * shape.height;
@@ -192,6 +200,23 @@ void copy_picture(const TileShape& shape, const TilePicture<T>& picture, Image& 
         copy(picture.coverage, image.coverage);
         copy(picture.depth, image.depth);
     }
+}
+
+/// Share of the bound that the estimated error of a float32 tile may have.
+constexpr double most_of_bound = 0.5;
+
+[[noreturn]] void refuse_tile(const Job& job, const TileShape& shape, double error) {
+    const bool few = job.plan->precision == Precision::float32 && !job.plan->exact_tiles;
+    throw Unsupported(
+        Complaint{std::string("the picture cannot be made within its error bound with ") +
+                      (few ? "precision float32" : "backend cpu"),
+                  "gradients as weak as rounding that are lit, in pixels " + std::to_string(shape.x) + " to " +
+                      std::to_string(shape.x + shape.width - 1) + " of rows " + std::to_string(shape.y) + " to " +
+                      std::to_string(shape.y + shape.height - 1) + ": an error of about " + text_of(error, 2),
+                  "at most " + text_of(job.plan->bound, 2),
+                  (few ? "leave out " + option_ref("precision") : "pass a larger " + option_ref("reference_length")) +
+                      ", or pass " + option_ref("allow_inexact", "true"),
+                  few ? "precision" : ""});
 }
 
 [[noreturn]] void out_of_memory() {
@@ -354,7 +379,6 @@ struct CpuRenderer::State {
     void draw(const Job& job, const TileLayout& layout, const TileFunctions<T>& functions, const SliceRecord* record,
               Report& tell, Image& image) {
         const auto start = Clock::now();
-        const Size size = job.frame->size;
         const Shading<T> shading = make_shading<T>(*job.scene, *job.camera, *job.frame, *job.plan, job.volumes);
         LoopSetup<T> setup = make_setup(job, shading);
         setup.record = record;
@@ -363,9 +387,22 @@ struct CpuRenderer::State {
         for (TileScratch<T>& room : rooms) {
             room.sections_drawn = room.kernels_drawn = 0;
         }
+        ExactTiles exact(*this, job, layout, record);
         run_tiles(layout, tell, [&](std::size_t tile, std::size_t thread, const std::function<bool()>& between) {
-            draw_tile(job, setup, layout.shape(tile), tile, functions, rooms[thread], between, image, size);
+            const TileShape shape = layout.shape(tile);
+            const double error = draw_tile(job, setup, shape, tile, functions, rooms[thread], between, image);
+            // (What is no number is beyond every bound.)
+            if (job.plan->inexact || error <= (std::is_same_v<T, float> ? most_of_bound : 1.0) * job.plan->bound) {
+                return;
+            }
+            if (std::is_same_v<T, float> && job.plan->exact_tiles) {
+                exact.draw(tile, thread, between, image);
+            } else {
+                refuse_tile(job, shape, error);
+            }
         });
+        image.stats["tiles_in_float64"] =
+            static_cast<double>(std::is_same_v<T, float> ? exact.drawn() : layout.tiles());
         std::uint64_t kernels = 0, sections = 0;
         std::size_t bytes = 0;
         for (const TileScratch<T>& room : rooms) {
@@ -381,10 +418,12 @@ struct CpuRenderer::State {
         image.stats["seconds_draw"] = seconds_since(start);
     }
 
+    /// Returns the error of the tile, root mean square, as far as light shows the rounding of rho.
     template <class T>
-    void draw_tile(const Job& job, const LoopSetup<T>& setup, const TileShape& shape, std::size_t tile,
-                   const TileFunctions<T>& functions, TileScratch<T>& room, const std::function<bool()>& between,
-                   Image& image, Size size) const {
+    double draw_tile(const Job& job, const LoopSetup<T>& setup, const TileShape& shape, std::size_t tile,
+                     const TileFunctions<T>& functions, TileScratch<T>& room, const std::function<bool()>& between,
+                     Image& image) const {
+        const Size size = job.frame->size;
         const std::size_t parts = job.regular.size() + job.ellipsoids.size();
         if (room.kernels.size() != parts) {
             room.kernels.resize(parts);
@@ -396,8 +435,7 @@ struct CpuRenderer::State {
                     throw Ended();
                 }
             };
-            kernels.pivot = setup.parts[part].pivot;
-            kernels.from_first = setup.parts[part++].from_first;
+            kernels.pivot = setup.parts[part++].pivot;
         }
         part = 0;
         bool any = setup.counts_by_place;
@@ -438,7 +476,48 @@ struct CpuRenderer::State {
             finish_scalars(*job.plan, shape, room.planes);
             copy_picture(shape, room.planes, image, size);
         }
+        const double doubts = std::accumulate(std::begin(room.planes.doubts), std::end(room.planes.doubts), 0.0);
+        const double epsilon = std::is_same_v<T, float> ? float32_epsilon : float64_epsilon;
+        return setup.shading->lit ? job.plan->lit_rounding * epsilon *
+                                        std::sqrt(doubts / (static_cast<double>(shape.width) * shape.height))
+                                  : 0.0;
     }
+
+    /// Tiles that float32 would not keep within the bound, in float64.
+    class ExactTiles {
+      public:
+        ExactTiles(State& state, const Job& job, const TileLayout& layout, const SliceRecord* record)
+            : state_(state), job_(job), layout_(layout), record_(record) {}
+
+        void draw(std::size_t tile, std::size_t thread, const std::function<bool()>& between, Image& image) {
+            std::call_once(made_, [&] {
+                functions_ = tile_functions<double>(chosen_instruction_set());
+                shading_ = make_shading<double>(*job_.scene, *job_.camera, *job_.frame, *job_.plan, job_.volumes);
+                setup_ = make_setup(job_, shading_);
+                setup_.record = record_;
+                state_.scratch_double.resize(static_cast<std::size_t>(state_.pool->threads()));
+            });
+            const TileShape shape = layout_.shape(tile);
+            const double error =
+                state_.draw_tile(job_, setup_, shape, tile, *functions_, state_.scratch_double[thread], between, image);
+            if (!(error <= job_.plan->bound)) {
+                refuse_tile(job_, shape, error);
+            }
+            drawn_.fetch_add(1, std::memory_order_relaxed);
+        }
+        [[nodiscard]] std::size_t drawn() const { return drawn_.load(std::memory_order_relaxed); }
+
+      private:
+        State& state_;
+        const Job& job_;
+        const TileLayout& layout_;
+        const SliceRecord* record_;
+        std::once_flag made_;
+        const TileFunctions<double>* functions_ = nullptr;
+        Shading<double> shading_;
+        LoopSetup<double> setup_;
+        std::atomic<std::size_t> drawn_{0};
+    };
 
     void draw_in(Precision precision, const Job& job, const SliceRecord* record, Report& tell, Image& image) {
         const int threads = job.threads > 0 ? job.threads : usable_threads();

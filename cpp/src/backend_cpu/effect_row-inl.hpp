@@ -39,6 +39,7 @@ struct EffectRow {
     HWY_ALIGN T green[room];
     HWY_ALIGN T blue[room];
     HWY_ALIGN T weight[room]; ///< what the colours count among those of other groups
+    HWY_ALIGN T doubt[room];  ///< of what is lit: how much an error of the gradient of 1 changes colours (Slab::doubt)
 
     [[nodiscard]] HWY_INLINE Normal<D> against(D d, int number) const {
         return {hn::Load(d, against_x + number), hn::Load(d, against_y + number), hn::Load(d, against_z + number)};

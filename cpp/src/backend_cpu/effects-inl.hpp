@@ -25,7 +25,7 @@ namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 template <bool perspective, bool analytic, bool between, class T>
 HWY_NOINLINE void find_gradients(const Slab<T>& slab, EffectRow<T>& row, const GradientScale<T>& scale) {
     const typename Slab<T>::D d;
-    row.for_each(row.seen, [&](int x, int number, auto) {
+    row.for_each(row.seen, [&](int x, int number, auto seen) {
         const auto ray = slab.template ray_if<perspective>(d, x, row.y);
         const std::ptrdiff_t at = slab.in_sheet(row.y) + x;
         const auto of = [&](int ahead) {
@@ -37,9 +37,15 @@ HWY_NOINLINE void find_gradients(const Slab<T>& slab, EffectRow<T>& row, const G
             }
         };
         auto against = of(0);
+        auto doubt = hn::Set(d, slab.shading.gradient_doubt);
         if constexpr (between) {
-            against = mix(d, against, of(1), hn::Load(d, row.share + number));
+            const auto back = of(1);
+            if (slab.shading.mode == Mode::isosurface) {
+                doubt = hn::Add(doubt, moved_gradient(d, slab, against, back, x, row.y, seen));
+            }
+            against = mix(d, against, back, hn::Load(d, row.share + number));
         }
+        hn::Store(doubt, d, row.doubt + number);
         hn::Store(against.x, d, row.against_x + number);
         hn::Store(against.y, d, row.against_y + number);
         hn::Store(against.z, d, row.against_z + number);
@@ -64,9 +70,11 @@ template <bool perspective, class T>
 HWY_NOINLINE void light(const Slab<T>& slab, EffectRow<T>& row, const GradientScale<T>& scale) {
     const typename Slab<T>::D d;
     row.for_each(row.alpha, [&](int x, int number, auto visible) {
+        auto per_size = hn::Zero(d);
         row.set_color(d, number,
                       phong<perspective>(d, slab.shading, row.color(d, number), row.against(d, number), scale.weakest,
-                                         slab.template ray_if<perspective>(d, x, row.y), visible));
+                                         slab.template ray_if<perspective>(d, x, row.y), visible, per_size));
+        hn::Store(slab.over_size(d, hn::Load(d, row.doubt + number), per_size), d, row.doubt + number);
     });
 }
 
@@ -83,8 +91,10 @@ HWY_NOINLINE void light_dimmed(const Slab<T>& slab, EffectRow<T>& row, const Gra
     const auto lit = [&](int x, int number, auto visible, const auto& dimming) SHEETSPLAT_CPU_INLINE {
         Color<D> color = row.color(d, number);
         if (shading.lit) {
+            auto per_size = hn::Zero(d);
             color = phong<perspective>(d, shading, color, row.against(d, number), scale.weakest,
-                                       slab.template ray_if<perspective>(d, x, row.y), visible, dimming);
+                                       slab.template ray_if<perspective>(d, x, row.y), visible, per_size, dimming);
+            hn::Store(slab.over_size(d, hn::Load(d, row.doubt + number), per_size), d, row.doubt + number);
         } else {
             const auto ambient = dimming.ambient();
             color = {hn::Mul(color.red, ambient), hn::Mul(color.green, ambient), hn::Mul(color.blue, ambient)};
@@ -141,11 +151,15 @@ HWY_NOINLINE void put(const Slab<T>& slab, const EffectRow<T>& row) {
     const typename Slab<T>::D d;
     row.for_each(row.alpha, [&](int x, int number, auto visible) {
         const std::ptrdiff_t at = slab.in_plane(row.y) + x;
+        auto share = hn::IfThenElseZero(visible, hn::Set(d, T(1)));
         if constexpr (surface) {
             slab.put_surface(d, at, row.y, visible, hn::Load(d, row.share + number), row.color(d, number));
         } else {
-            slab.put_behind(d, at, row.y, visible, hn::LoadU(d, slab.picture.alpha + at),
-                            hn::Load(d, row.alpha + number), row.color(d, number));
+            share = slab.put_behind(d, at, row.y, visible, hn::LoadU(d, slab.picture.alpha + at),
+                                    hn::Load(d, row.alpha + number), row.color(d, number));
+        }
+        if (slab.shading.lit) {
+            slab.doubt(d, share, hn::Load(d, row.doubt + number));
         }
     });
 }

@@ -132,10 +132,8 @@ class KernelFeed {
         section.first = static_cast<std::int32_t>(first);
         extra.last = static_cast<std::int32_t>(last);
         const double weight = field_.weight(index) * amplitude;
-        const double amount = kernels_.from_first ? 1.0 / view_.weight_scale() : weight;
-        // A weight of 0 still reaches, by the least that is drawn: what D and W have of it is a value of 0.
-        const double value = kernels_.from_first && weight == 0.0 ? 0.0 : field_.value(index);
-        section.value = static_cast<T>((value - kernels_.pivot) * amount * view_.value_scale());
+        section.value = static_cast<T>((field_.value(index) - kernels_.pivot) * weight * view_.value_scale());
+        // A weight of 0 still reaches, by the least that is drawn.
         extra.weight = static_cast<T>(std::max(weight * view_.weight_scale(), least_drawn_weight));
     }
 

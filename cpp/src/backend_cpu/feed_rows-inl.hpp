@@ -471,14 +471,10 @@ class RowFeed {
         begin += static_cast<std::uint32_t>(from);
     }
 
-    [[nodiscard]] double scale_of_values() const {
-        return kernels_.from_first ? view_.value_scale / view_.weight_scale : view_.value_scale;
-    }
-
     template <class Value>
     void write(const Value* values, double least, Section<T>* sections) {
         const RowBatches& rows = kernels_.rows;
-        const double value_scale = scale_of_values(), origin_value = origin_of_values();
+        const double value_scale = view_.value_scale, origin_value = origin_of_values();
         const double per_slice = frame_.slice_spacing * per_half_depth_;
         const auto origin = static_cast<std::int32_t>(least);
         const std::int32_t* slot = rows.slots.data();
@@ -529,7 +525,7 @@ class RowFeed {
                 section.first = static_cast<std::int32_t>(first);
                 extra.last = static_cast<std::int32_t>(last);
                 const Vec3 place_eye = eye + along * view_.step_i;
-                const double value = (static_cast<double>(values[i]) - origin_of_values()) * scale_of_values();
+                const double value = (static_cast<double>(values[i]) - origin_of_values()) * view_.value_scale;
                 if (view_.unfiltered) {
                     add_filtered(place_eye, value, section, extra);
                     continue;
@@ -563,7 +559,7 @@ class RowFeed {
         const glm::dvec2 plane = own.to_unit * (depth * origin_ - glm::dvec2(eye.x, eye.y)) - s * own.shear;
         const glm::dvec2 drift = own.to_unit * (frame_.slice_spacing * origin_) + step * own.shear;
         set_place(basis, plane, s, section);
-        section.value = static_cast<T>(kernels_.from_first ? value : value * shape.amplitude);
+        section.value = static_cast<T>(value * shape.amplitude);
         extra.weight = static_cast<T>(std::max(view_.weight_scale * shape.amplitude, least_drawn_weight));
         kernels_.unsorted.push_back(section);
         kernels_.unsorted_extras.push_back(extra);

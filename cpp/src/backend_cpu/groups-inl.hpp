@@ -71,9 +71,10 @@ struct Mixture {
     HWY_ALIGN T red[EffectRow<T>::room];
     HWY_ALIGN T green[EffectRow<T>::room];
     HWY_ALIGN T blue[EffectRow<T>::room];
+    HWY_ALIGN T doubt[EffectRow<T>::room];
 
     HWY_INLINE void clear(const EffectRow<T>& row) {
-        for (T* numbers : {absorbed, weight, red, green, blue}) {
+        for (T* numbers : {absorbed, weight, red, green, blue, doubt}) {
             row.fill(numbers, T(0));
         }
     }
@@ -93,6 +94,7 @@ struct Mixture {
             add_to(red, color.red);
             add_to(green, color.green);
             add_to(blue, color.blue);
+            add_to(doubt, hn::Load(d, row.doubt + number));
             hn::Store(sum, d, weight + number);
             hn::Store(hn::Add(hn::Load(d, absorbed + number), hn::Load(d, row.alpha + number)), d, absorbed + number);
         });
@@ -106,6 +108,7 @@ struct Mixture {
             hn::Store(opacity_of_absorption(d, hn::Load(d, absorbed + number)), d, row.alpha + number);
             row.set_color(d, number,
                           {hn::Load(d, red + number), hn::Load(d, green + number), hn::Load(d, blue + number)});
+            hn::Store(hn::Load(d, doubt + number), d, row.doubt + number);
         });
     }
 };
@@ -393,9 +396,12 @@ HWY_NOINLINE void find_all_crossings(const Slab<T>& first) {
         shade_colors<perspective>(of.slab, row, of.scale);
         row.for_each(row.alpha, [&](int x, int number, auto visible) {
             const std::ptrdiff_t at = first.in_plane(row.y) + x;
-            first.put_behind(d, at, row.y, visible, hn::LoadU(d, first.picture.alpha + at),
-                             hn::Load(d, row.alpha + number), row.color(d, number),
-                             [&] { return first.depth_behind(d, hn::Load(d, row.share + number)); });
+            const V share = first.put_behind(d, at, row.y, visible, hn::LoadU(d, first.picture.alpha + at),
+                                             hn::Load(d, row.alpha + number), row.color(d, number),
+                                             [&] { return first.depth_behind(d, hn::Load(d, row.share + number)); });
+            if (first.shading.lit) {
+                first.doubt(d, share, hn::Load(d, row.doubt + number));
+            }
         });
     };
     for_each_row<true>(first, row, [&](const Columns& here, const Columns& after) {

@@ -119,11 +119,12 @@ struct Undimmed {
 
 /// Phong. weakest: g0 in the unit of the gradient, above 0. Lanes outside of `wanted` may come out as anything finite.
 /// dimmed: what is left of each light and of ambient light.
+/// per_size: comes out as 1 / max(|gradient|, g0).
 template <bool perspective, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>, class Dimmed = Undimmed>
 HWY_INLINE Color<D> phong(D d, const Shading<T>& shading, const Color<D>& color, const Normal<D>& against, T weakest,
-                          const Ray<D>& ray, hn::Mask<D> wanted, const Dimmed& dimmed = {}) {
+                          const Ray<D>& ray, hn::Mask<D> wanted, V& per_size, const Dimmed& dimmed = {}) {
     const V zero = hn::Zero(d);
-    const V per_size = hn::Div(hn::Set(d, T(1)), hn::Max(length(d, against), hn::Set(d, weakest)));
+    per_size = hn::Div(hn::Set(d, T(1)), hn::Max(length(d, against), hn::Set(d, weakest)));
     const Normal<D> normal{hn::Mul(against.x, per_size), hn::Mul(against.y, per_size), hn::Mul(against.z, per_size)};
     V to_viewer = normal.z, per_slant = zero;
     if constexpr (perspective) {

@@ -93,15 +93,10 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     const auto is_divided = [&](std::size_t field) {
         return plan.own_sheets.empty() ? plan.threshold : plan.own_sheets[field] >= 0;
     };
-    // Gradients of quotients, of which differences or derivatives are taken, would show the rounding of sums where
-    // values are alike: in float32, and where gradients of any strength are lit. Elsewhere float64 has digits enough,
-    // and counting so would take it 1.15 to 1.4 times as long.
-    setup.from_first = shading.gradient && (std::is_same_v<T, float> || has_window_of_one_value(*job.scene));
-    // (W grad D - D grad W) / W^2 is next to nothing where values are alike: counted from the middle of the values, it
-    // has no more rounding errors than what is left. Float64 has digits enough: there plateaus of 0 must stay 0, as
-    // gradients of any strength may be lit.
+    // Gradients of quotients are next to nothing where values are alike: counted from the middle of the values, they
+    // have no more rounding errors than what is left. Float64 has digits enough.
     const auto pivot = [&](std::size_t field) {
-        return std::is_same_v<T, float> && (setup.slopes || setup.from_first) && is_divided(field)
+        return std::is_same_v<T, float> && shading.gradient && is_divided(field)
                    ? number<T>(pivot_of(*job.scene->fields[field]) / plan.unit_of(field))
                    : T(0);
     };
@@ -114,8 +109,6 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
         const bool shared_weight = sheets.threshold || setup.keep_weight;
         if (shared_weight) {
             sheets.weight_channel = setup.channels++;
-            // (The first values' sheet, and what follows, lie as Target says.)
-            setup.channels += sheets.threshold && setup.from_first ? 1 : 0;
         }
         if (setup.slopes) {
             sheets.slope_channel = three();
@@ -139,12 +132,10 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
             integrate_profile(k, profile);
         }
         profile.pivot = static_cast<double>(pivot(field)) * plan.unit_of(field);
-        profile.from_first = setup.from_first && is_divided(field);
         if (!group.threshold && is_divided(field)) {
             OwnSheets<T> own;
             own.value_channel = profile.value_channel = setup.channels++;
             own.weight_channel = profile.weight_channel = setup.channels++;
-            setup.channels += setup.from_first ? 1 : 0;
             if (setup.slopes) {
                 own.slope_channel = profile.slope_channel = three();
                 own.weight_slope_channel = profile.weight_slope_channel = three();

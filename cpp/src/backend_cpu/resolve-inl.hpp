@@ -23,8 +23,8 @@ namespace hn = hwy::HWY_NAMESPACE;
 /// A row of the derivatives of rho, in the place of those of the sums of the fields that share sheets; while the
 /// sums themselves are still there.
 template <class T>
-void divide_slopes(const GroupSheets<T>& group, bool from_first, const SheetRing<T>& ring, std::int64_t n,
-                   std::ptrdiff_t row, const Rect& rect) {
+void divide_slopes(const GroupSheets<T>& group, const SheetRing<T>& ring, std::int64_t n, std::ptrdiff_t row,
+                   const Rect& rect) {
     const hn::CappedTag<T, 16> d;
     const int lanes = static_cast<int>(hn::Lanes(d));
     for (int x = rect.x0; x < rect.x1; x += lanes) {
@@ -34,11 +34,8 @@ void divide_slopes(const GroupSheets<T>& group, bool from_first, const SheetRing
         const auto quotient = [&](int value, int weight, int slope, int weight_slope, T w0, T pivot) {
             const auto least = hn::Set(d, w0), w = load(weight);
             const auto per_divisor = hn::Div(hn::Set(d, T(1)), hn::Max(least, w));
-            auto from = hn::Set(d, pivot);
-            if (from_first) {
-                from = hn::Add(load(weight + 1), from);
-            }
-            const auto rho = hn::IfThenElse(hn::Gt(w, least), hn::Mul(load(value), per_divisor), hn::Neg(from));
+            const auto rho =
+                hn::IfThenElse(hn::Gt(w, least), hn::Mul(load(value), per_divisor), hn::Neg(hn::Set(d, pivot)));
             return hn::Mul(hn::NegMulAdd(rho, load(weight_slope), load(slope)), per_divisor);
         };
         for (int axis = 0; axis < 3; ++axis) {
@@ -56,31 +53,28 @@ void divide_slopes(const GroupSheets<T>& group, bool from_first, const SheetRing
 
 /// rho of a group in a slice, in the place of the sums of the fields that share sheets; W of all in its own channel.
 template <class T>
-void divide_group(const GroupSheets<T>& group, bool keep_weight, bool from_first, const SheetRing<T>& ring,
-                  const TileShape& shape, std::int64_t n, const Rect& rect) {
+void divide_group(const GroupSheets<T>& group, bool keep_weight, const SheetRing<T>& ring, const TileShape& shape,
+                  std::int64_t n, const Rect& rect) {
     const hn::CappedTag<T, 16> d;
     const int lanes = static_cast<int>(hn::Lanes(d));
     if (!group.threshold && group.own.empty()) {
         return;
     }
-    // D / max(w0, W); of values counted from p, p more for each W up to w0. first: where the first values are.
-    const auto quotient = [&](auto value, auto weight, const T* first, T w0, T pivot) {
+    // D / max(w0, W); of values counted from p, p more for each W up to w0.
+    const auto quotient = [&](auto value, auto weight, T w0, T pivot) {
         const auto least = hn::Set(d, w0);
         const auto ratio = hn::Div(value, hn::Max(least, weight));
-        auto from = hn::Set(d, pivot);
-        if (from_first) {
-            from = hn::Add(hn::LoadU(d, first), from);
-        } else if (pivot == T(0)) {
+        if (pivot == T(0)) {
             return ratio;
         }
-        return hn::MulAdd(from, hn::Div(hn::Min(weight, least), least), ratio);
+        return hn::MulAdd(hn::Set(d, pivot), hn::Div(hn::Min(weight, least), least), ratio);
     };
     for (int y = rect.y0; y < rect.y1; ++y) {
         const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y) * shape.stride;
         T* rho = ring.plane(n, group.rho_channel) + at;
         T* weight = group.weight_channel >= 0 ? ring.plane(n, group.weight_channel) + at : nullptr;
         if (group.slope_channel >= 0) {
-            divide_slopes(group, from_first, ring, n, at, rect);
+            divide_slopes(group, ring, n, at, rect);
         }
         for (int x = rect.x0; x < rect.x1; x += lanes) {
             auto sum = hn::LoadU(d, rho + x);
@@ -88,13 +82,12 @@ void divide_group(const GroupSheets<T>& group, bool keep_weight, bool from_first
             auto all_weight = plain_weight;
             auto reached = hn::Gt(plain_weight, hn::Zero(d));
             if (group.threshold) {
-                sum = quotient(sum, hn::LoadU(d, weight + x), weight + ring.elements() + x, group.w0, group.pivot);
+                sum = quotient(sum, hn::LoadU(d, weight + x), group.w0, group.pivot);
             }
             for (const OwnSheets<T>& own : group.own) {
-                const T* weights = ring.plane(n, own.weight_channel) + at + x;
-                const auto own_weight = hn::LoadU(d, weights);
+                const auto own_weight = hn::LoadU(d, ring.plane(n, own.weight_channel) + at + x);
                 const auto value = hn::LoadU(d, ring.plane(n, own.value_channel) + at + x);
-                sum = hn::Add(sum, quotient(value, own_weight, weights + ring.elements(), own.w0, own.pivot));
+                sum = hn::Add(sum, quotient(value, own_weight, own.w0, own.pivot));
                 all_weight = hn::Add(all_weight, own_weight);
                 const auto counts = hn::Ge(own_weight, hn::Set(d, own.least_weight));
                 reached = hn::Or(reached, hn::And(counts, hn::Gt(own_weight, hn::Zero(d))));
@@ -112,7 +105,7 @@ template <class T>
 void divide(const LoopSetup<T>& setup, const SheetRing<T>& ring, const TileShape& shape, std::int64_t n,
             const Rect& rect) {
     for (const GroupSheets<T>& group : setup.groups) {
-        divide_group(group, setup.keep_weight, setup.from_first, ring, shape, n, rect);
+        divide_group(group, setup.keep_weight, ring, shape, n, rect);
     }
 }
 

@@ -211,6 +211,7 @@ Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& f
     }
     shading.gradient_across = inputs.gradient_across;
     shading.gradient_along = inputs.gradient_along;
+    shading.gradient_doubt = static_cast<T>(plan.gradient_doubt);
 
     shading.first_depth = frame.first_depth;
     shading.nearest_depth = frame.depth_of(frame.first_met);

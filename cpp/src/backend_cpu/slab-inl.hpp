@@ -125,11 +125,22 @@ struct Slab {
                                              ray);
     }
 
+    /// Counts that pixels show `shares` (0 outside of what is visible) of what an error of rho of 1 makes of their
+    /// light: it moves the gradient by `moved`, a length over the gradient's (over_size()).
+    HWY_INLINE void doubt(D d, V shares, V moved) const {
+        const V shown = hn::Mul(shares, moved);
+        hn::Store(hn::MulAdd(shown, shown, hn::Load(d, picture.doubts)), d, picture.doubts);
+    }
+    /// `moved` over a gradient's length, or 10^15 where it is more: squares and their sums stay within the format.
+    HWY_INLINE static V over_size(D d, V moved, V per_size) {
+        return hn::Min(hn::Mul(moved, hn::Min(per_size, hn::Set(d, T(1e15)))), hn::Set(d, T(1e15)));
+    }
+
     /// Composites alpha > 0, 0 outside of `visible`, behind what a plane holds; counts the pixels that end. depths():
-    /// what the picture reports.
+    /// what the picture reports. Returns the share of alpha that shows.
     template <class Depths>
-    HWY_INLINE void put_behind(D d, std::ptrdiff_t at, int y, M visible, V so_far, V alpha, const Color<D>& color,
-                               const Depths& depths) const {
+    HWY_INLINE V put_behind(D d, std::ptrdiff_t at, int y, M visible, V so_far, V alpha, const Color<D>& color,
+                            const Depths& depths) const {
         const V share = hn::Mul(hn::Sub(hn::Set(d, T(1)), so_far), alpha);
         const V opacity = hn::Add(so_far, share);
         const auto add = [&](T* plane, V channel) {
@@ -145,12 +156,12 @@ struct Slab {
             hn::StoreU(hn::IfThenElse(reached_half, depths(), hn::LoadU(d, picture.depth + at)), d, picture.depth + at);
         }
         end_pixels(d, y, hn::And(visible, hn::Ge(opacity, hn::Set(d, shading.stop))));
+        return share;
     }
     /// At the depth of the slice or interval.
-    HWY_INLINE void put_behind(D d, std::ptrdiff_t at, int y, M visible, V so_far, V alpha,
-                               const Color<D>& color) const {
-        put_behind(d, at, y, visible, so_far, alpha, color,
-                   [&]() SHEETSPLAT_CPU_INLINE { return hn::Set(d, static_cast<T>(reported_depth())); });
+    HWY_INLINE V put_behind(D d, std::ptrdiff_t at, int y, M visible, V so_far, V alpha, const Color<D>& color) const {
+        return put_behind(d, at, y, visible, so_far, alpha, color,
+                          [&]() SHEETSPLAT_CPU_INLINE { return hn::Set(d, static_cast<T>(reported_depth())); });
     }
     /// Depths `share` slice distances behind slice n.
     HWY_INLINE V depth_behind(D d, V share) const {
@@ -275,6 +286,17 @@ struct Slab {
         return mask;
     }
 };
+
+/// How much the gradient at a crossing of slices n and n + 1 changes by where an error of rho of 1 moves the crossing;
+/// front, back: minus the gradients there.
+template <class T, class D, class V = hn::Vec<D>>
+HWY_INLINE V moved_gradient(D d, const Slab<T>& slab, const Normal<D>& front, const Normal<D>& back, int x, int y,
+                            hn::Mask<D> found) {
+    const V between =
+        length(d, Normal<D>{hn::Sub(back.x, front.x), hn::Sub(back.y, front.y), hn::Sub(back.z, front.z)});
+    const V step = hn::Abs(hn::Sub(slab.rho(d, 2, y, x), slab.rho(d, 1, y, x)));
+    return hn::Div(between, hn::IfThenElse(found, hn::Max(step, hn::Set(d, T(1e-15))), hn::Set(d, T(1))));
+}
 
 /// Where an isosurface lies between two slices, as a share of their distance; `found`: lanes in which there is one.
 template <class D, class V = hn::Vec<D>>

@@ -77,9 +77,13 @@ HWY_NOINLINE void add_slices(const Slab<T>& slab) {
             auto color = table.color(d, place);
             if constexpr (lit) {
                 const auto against = slab.template difference<perspective>(d, 0, slab.in_sheet(y) + x, scale, ray);
-                color = phong<perspective>(d, shading, color, against, scale.weakest, ray, visible);
+                V per_size;
+                color = phong<perspective>(d, shading, color, against, scale.weakest, ray, visible, per_size);
+                const V share = slab.put_behind(d, slab.in_plane(y) + x, y, visible, so_far, alpha, color);
+                slab.doubt(d, share, slab.over_size(d, hn::Set(d, shading.gradient_doubt), per_size));
+            } else {
+                slab.put_behind(d, slab.in_plane(y) + x, y, visible, so_far, alpha, color);
             }
-            slab.put_behind(d, slab.in_plane(y) + x, y, visible, so_far, alpha, color);
         });
 }
 
@@ -122,12 +126,16 @@ HWY_NOINLINE void add_intervals(const Slab<T>& slab) {
             if (hn::AllFalse(d, visible)) {
                 return;
             }
+            V per_size = zero;
             if (shading.lit) {
                 const auto against =
                     between_slices<perspective>(d, slab, slab.in_sheet(y) + x, scale, ray, hn::Set(d, T(0.5)));
-                color = phong<perspective>(d, shading, color, against, scale.weakest, ray, visible);
+                color = phong<perspective>(d, shading, color, against, scale.weakest, ray, visible, per_size);
             }
-            slab.put_behind(d, slab.in_plane(y) + x, y, visible, so_far, alpha, color);
+            const V share = slab.put_behind(d, slab.in_plane(y) + x, y, visible, so_far, alpha, color);
+            if (shading.lit) {
+                slab.doubt(d, share, slab.over_size(d, hn::Set(d, shading.gradient_doubt), per_size));
+            }
         });
 }
 
@@ -151,8 +159,14 @@ HWY_NOINLINE void find_crossings(const Slab<T>& slab) {
             auto color = iso_color(d, surface);
             if (shading.lit) {
                 const auto ray = slab.template ray_if<perspective>(d, x, y);
-                const auto against = between_slices<perspective>(d, slab, slab.in_sheet(y) + x, scale, ray, share);
-                color = phong<perspective>(d, shading, color, against, scale.weakest, ray, found);
+                const auto front = slab.template difference<perspective>(d, 0, slab.in_sheet(y) + x, scale, ray);
+                const auto back = slab.template difference<perspective>(d, 1, slab.in_sheet(y) + x, scale, ray);
+                const auto against = mix(d, front, back, share);
+                V per_size;
+                color = phong<perspective>(d, shading, color, against, scale.weakest, ray, found, per_size);
+                const V moved =
+                    hn::Add(hn::Set(d, shading.gradient_doubt), moved_gradient(d, slab, front, back, x, y, found));
+                slab.doubt(d, hn::IfThenElseZero(found, hn::Set(d, T(1))), slab.over_size(d, moved, per_size));
             }
             slab.put_surface(d, slab.in_plane(y) + x, y, found, share, color);
         });

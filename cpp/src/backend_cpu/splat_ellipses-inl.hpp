@@ -180,7 +180,7 @@ HWY_INLINE V exp2_any(D d, V x) {
 
 template <Sums sums, class D, class T, bool slopes>
 HWY_NOINLINE void walk(D d, const Splat<T, slopes>& splat, const Target<T>& to, const RowShape<T>& shape,
-                     const Ellipses<T>& e, int slice, T value_t, T weight_t, int x0, int x1, int y0, int y1) {
+                       const Ellipses<T>& e, int slice, T value_t, T weight_t, int x0, int x1, int y0, int y1) {
     const int lanes = static_cast<int>(hn::Lanes(d));
     const int start = start_of<T>(x0, x1, lanes);
     EllipseColumns<T> columns;
@@ -223,13 +223,13 @@ HWY_NOINLINE void walk(D d, const Splat<T, slopes>& splat, const Target<T>& to, 
             const std::ptrdiff_t stride = static_cast<std::ptrdiff_t>(to.stride) * step;
             auto off_ridge = hn::Set(d, static_cast<T>(y - ridge));
             for (; y != end; y += step) {
-                const auto apart = add_bell<sums, slopes>(d, hn::Sub(g, edge), value, weight, values, weights, sheet);
+                add_bell<sums>(d, hn::Sub(g, edge), value, weight, values, weights);
                 if constexpr (slopes) {
                     const Slope<D> slope = straight ? Slope<D>{hn::MulAdd(off_ridge, by_row.column, on_ridge.column),
                                                                hn::MulAdd(off_ridge, by_row.row, on_ridge.row),
                                                                hn::MulAdd(off_ridge, by_row.slice, on_ridge.slice)}
                                                     : slope_in(static_cast<T>(y));
-                    add_slope<sums>(d, inside_support(d, g, edge), slope, steepness.beside_weight(d, apart), to,
+                    add_slope<sums>(d, inside_support(d, g, edge), slope, steepness.ratio, to,
                                     static_cast<std::ptrdiff_t>(y) * to.stride + x);
                     off_ridge = hn::Add(off_ridge, hn::Set(d, static_cast<T>(step)));
                 }
@@ -280,7 +280,8 @@ HWY_NOINLINE void walk(D d, const Splat<T, slopes>& splat, const Target<T>& to, 
 
 template <Sums sums, class D, class T, bool slopes>
 HWY_NOINLINE void evaluate_rows(D d, const Splat<T, slopes>& splat, const Target<T>& to, const RowShape<T>& shape,
-                              const Ellipses<T>& e, int slice, T value_t, T weight_t, int x0, int x1, int y0, int y1) {
+                                const Ellipses<T>& e, int slice, T value_t, T weight_t, int x0, int x1, int y0,
+                                int y1) {
     const int lanes = static_cast<int>(hn::Lanes(d));
     const T X = shape.X * e.scale[slice], Y1 = shape.Y1 * e.scale[slice], Y2 = shape.Y2 * e.scale[slice];
     const T per_X = T(1) / X;
@@ -306,12 +307,12 @@ HWY_NOINLINE void evaluate_rows(D d, const Splat<T, slopes>& splat, const Target
             const auto column = hn::Iota(d, static_cast<T>(x));
             const auto q1 = hn::MulAdd(hn::Set(d, X), column, hn::Set(d, b));
             const auto bell = exp2_nonpositive(d, hn::Mul(scale, hn::MulAdd(q1, q1, height)));
-            const auto apart = add_bell<sums, slopes>(d, hn::Sub(bell, edge), value, weight, to.value + at + x,
-                                                      sums != Sums::values ? to.weight + at + x : nullptr, to.sheet);
+            add_bell<sums>(d, hn::Sub(bell, edge), value, weight, to.value + at + x,
+                           sums != Sums::values ? to.weight + at + x : nullptr);
             if constexpr (slopes) {
                 const auto slope = slope_at(d, along, X * steep, Y1 * steep, Y2 * steep, q1, q2, e.s[slice], column,
                                             static_cast<T>(y));
-                add_slope<sums>(d, inside_support(d, bell, edge), slope, steepness.beside_weight(d, apart), to, at + x);
+                add_slope<sums>(d, inside_support(d, bell, edge), slope, steepness.ratio, to, at + x);
             }
         }
     }
@@ -323,7 +324,7 @@ HWY_NOINLINE void evaluate_rows(D d, const Splat<T, slopes>& splat, const Target
 /// so thin that a vector spans powers of two beyond the format, rows are evaluated one by one.
 template <Sums sums, class T, bool slopes>
 HWY_NOINLINE int add_ellipses(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
-                            int count) {
+                              int count) {
     Ellipses<T> e;
     measure(splat, section, shape, count, e);
     const hn::CappedTag<T, 8> d;

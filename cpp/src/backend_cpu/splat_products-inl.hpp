@@ -311,8 +311,8 @@ HWY_INLINE void product_rows(D d, const Target<T>* to, const Bells<T>& bells, co
                     const T* factors = lean.table + y * lean.stride + (x - x0) + (Lean::each ? slice * lean.apart : 0);
                     bell = hn::Mul(bell, hn::LoadU(d, factors));
                 }
-                add_bell<sums, false>(d, hn::MulSub(bell, hn::Set(d, along_y[slice][y]), edge), value, weight,
-                                      values[slice] + at, sums != Sums::values ? weights[slice] + at : nullptr, sheet);
+                add_bell<sums>(d, hn::MulSub(bell, hn::Set(d, along_y[slice][y]), edge), value, weight,
+                               values[slice] + at, sums != Sums::values ? weights[slice] + at : nullptr);
             }
         }
     }
@@ -392,8 +392,8 @@ HWY_INLINE void find_places(const ProductBox<T>& at, const Section<T>& section, 
 
 /// Adds the slices from n on, `count` of them, of a kernel whose factors are known.
 template <Sums sums, class T, bool slopes>
-HWY_NOINLINE void add_product(const ProductBox<T>& at, const Bells<T>& bells, Splat<T, slopes>& splat, T value, T weight,
-                            const ProductView<T>& view, int count) {
+HWY_NOINLINE void add_product(const ProductBox<T>& at, const Bells<T>& bells, Splat<T, slopes>& splat, T value,
+                              T weight, const ProductView<T>& view, int count) {
     const Rect& box = at.box;
     splat.through[count - 1].add(box);
     in_narrowest<T>(box.x1 - box.x0, [&](auto d) {
@@ -417,7 +417,7 @@ HWY_NOINLINE void add_product(const ProductBox<T>& at, const Bells<T>& bells, Sp
 /// Adds the slices from n on, `count` of them, of a kernel.
 template <Sums sums, class T, bool slopes>
 HWY_NOINLINE int add_one_product(const ProductBox<T>& at, Splat<T, slopes>& splat, const Section<T>& section, T weight,
-                               const ProductView<T>& view, int count) {
+                                 const ProductView<T>& view, int count) {
     static_assert(!slopes, "derivatives are not products");
     ProductPlaces<T> first, more;
     find_places(at, section, view, static_cast<T>(splat.n - section.first), first, more);
@@ -511,8 +511,8 @@ class ProductBatch {
 /// is drawn or only met later. Returns how many sections were drawn.
 template <Sums sums, class T, bool slopes, class DrawAgain>
 HWY_NOINLINE int add_product_batch(Splat<T, slopes>& splat, ProductBatch<T>& batch, const ProductView<T>& view,
-                                 const Section<T>* sections, const std::uint32_t* numbers, int number, T weight,
-                                 const DrawAgain& draw_again) {
+                                   const Section<T>* sections, const std::uint32_t* numbers, int number, T weight,
+                                   const DrawAgain& draw_again) {
     constexpr int room = ProductBatch<T>::room;
     batch.measure(sections, numbers, number, splat.n, splat.live.rect);
     int drawn = 0;

@@ -29,21 +29,15 @@ template <class T>
 constexpr T half_root_pi = T(0.88622692545275801);
 
 /// Adds a kernel's value (and weight). Where a steep profile has nothing left, or a difference of integrals cancels,
-/// rays that meet the support still do: the point is not empty. Returns what add_bell does.
-template <Sums sums, bool slopes, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
-HWY_INLINE V add_reached(D d, V bell, hn::Mask<D> met, V value, V weight, const Target<T>& to, std::ptrdiff_t at) {
-    if constexpr (sums != Sums::from_first) {
-        add_bell<Sums::values, slopes>(d, bell, value, weight, to.value + at, nullptr, to.sheet);
-    }
-    if constexpr (sums != Sums::values) {
+/// rays that meet the support still do: the point is not empty.
+template <Sums sums, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE void add_reached(D d, V bell, hn::Mask<D> met, V value, V weight, const Target<T>& to, std::ptrdiff_t at) {
+    add_bell<Sums::values>(d, bell, value, weight, to.value + at, nullptr);
+    if constexpr (sums == Sums::weights) {
         const V least = hn::IfThenElseZero(met, hn::Set(d, std::numeric_limits<T>::min()));
         const V added = hn::Max(hn::Mul(weight, hn::Max(bell, hn::Zero(d))), least);
-        if constexpr (sums == Sums::from_first) {
-            return add_from_first<slopes>(d, added, value, to.value + at, to.weight + at, to.sheet);
-        }
         hn::StoreU(hn::Add(hn::LoadU(d, to.weight + at), added), d, to.weight + at);
     }
-    return value;
 }
 
 /// A kernel on slice n, where it is drawn from: q of column x and row y is (X x + Y1 y + a1, Y2 y + a2, s), and along
@@ -350,8 +344,7 @@ HWY_INLINE int ray_slabs(D d, Splat<T, slopes>& splat, const SlabKernel<T>& kern
             }
             const auto add = [&](int number, const SlabMean<D>& mean) SHEETSPLAT_CPU_INLINE {
                 const Target<T>& to = splat.targets[number];
-                const V apart =
-                    add_reached<sums, slopes>(d, mean.lowered, mean.reached, value, weight, to, in_sheet + x);
+                add_reached<sums>(d, mean.lowered, mean.reached, value, weight, to, in_sheet + x);
                 if constexpr (slopes) {
                     // The mean of q times the Gaussian.
                     const V m1 = hn::MulAdd(rays.near1, mean.plain, hn::Mul(rays.along1, mean.moment));
@@ -361,7 +354,7 @@ HWY_INLINE int ray_slabs(D d, Splat<T, slopes>& splat, const SlabKernel<T>& kern
                         hn::Mul(m1, hn::Set(d, kernel.X * scale)),
                         hn::MulAdd(m1, hn::Set(d, kernel.Y1 * scale), hn::Mul(m2, hn::Set(d, kernel.Y2 * scale))),
                         hn::Mul(hn::Mul(mean.moment, rays.way), hn::Set(d, steepness.scale))};
-                    add_slope<sums>(d, one, slope, steepness.beside_weight(d, apart), to, in_sheet + x);
+                    add_slope<sums>(d, one, slope, steepness.ratio, to, in_sheet + x);
                 }
             };
             const auto through = [&](hn::Mask<D> taken, const auto& draw) SHEETSPLAT_CPU_INLINE {
@@ -419,7 +412,7 @@ HWY_INLINE int ray_slabs(D d, Splat<T, slopes>& splat, const SlabKernel<T>& kern
 
 template <Sums sums, class T, bool slopes>
 HWY_NOINLINE int add_ray_slabs(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
-                             int count, const Rect& box) {
+                               int count, const Rect& box) {
     if (!splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
         return 0;
     }
@@ -530,12 +523,12 @@ HWY_INLINE void upright_slabs(D d, const Splat<T, slopes>& splat, const SlabKern
                 const End after = end_at(slice + 1);
                 const V lowered = hn::Sub(before.integral, after.integral);
                 const auto reached = hn::Gt(before.at, after.at);
-                const V apart = add_reached<sums, slopes>(d, lowered, reached, value, weight, to[slice], at);
+                add_reached<sums>(d, lowered, reached, value, weight, to[slice], at);
                 if constexpr (slopes) {
                     const V plain = hn::MulAdd(edge, hn::Sub(before.at, after.at), lowered);
                     const Slope<D> slope{hn::Mul(plain, across), hn::Mul(plain, down),
                                          hn::Mul(hn::Sub(after.bell, before.bell), along)};
-                    add_slope<sums>(d, one, slope, steepness.beside_weight(d, apart), to[slice], at);
+                    add_slope<sums>(d, one, slope, steepness.ratio, to[slice], at);
                 }
                 before = after;
             }
@@ -546,8 +539,8 @@ HWY_INLINE void upright_slabs(D d, const Splat<T, slopes>& splat, const SlabKern
 /// Kernels whose sections are upright ellipses in one place, in orthographic views: the profile is a product, and what
 /// depends on depth is the same for all pixels whose rays stay inside the kernel.
 template <Sums sums, class T, bool slopes>
-HWY_NOINLINE int add_upright_slabs(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
-                                 int count, const Rect& box) {
+HWY_NOINLINE int add_upright_slabs(Splat<T, slopes>& splat, const Section<T>& section, T weight,
+                                   const RowShape<T>& shape, int count, const Rect& box) {
     if (!splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
         return 0;
     }

@@ -60,8 +60,8 @@ HWY_INLINE void separable_rows(D d, const Target<T>* to, const T* bell_x, const 
         for (int y = 0; y < y1 - y0; ++y, at += stride) {
             const auto here = hn::Mul(bell, hn::Set(d, bell_y[y * stride_of_bells]));
             for (int slice = 0; slice < slices; ++slice) {
-                add_bell<sums, false>(d, hn::MulSub(here, hn::Set(d, z[slice]), edge), value, weight,
-                                      values[slice] + at, sums != Sums::values ? weights[slice] + at : nullptr, sheet);
+                add_bell<sums>(d, hn::MulSub(here, hn::Set(d, z[slice]), edge), value, weight, values[slice] + at,
+                               sums != Sums::values ? weights[slice] + at : nullptr);
             }
         }
     }
@@ -133,12 +133,11 @@ HWY_INLINE void separable_slopes(D d, const Target<T>* to, const T* bell_x, cons
                 for (int slice = 0; slice < slices; ++slice) {
                     const Target<T>& sheet = sheets[slice];
                     const auto bell = hn::Mul(here, hn::Set(d, z[slice]));
-                    const auto apart =
-                        add_bell<sums, true>(d, hn::Sub(bell, edge), value, weight, sheet.value + at,
-                                             sums != Sums::values ? sheet.weight + at : nullptr, sheet.sheet);
+                    add_bell<sums>(d, hn::Sub(bell, edge), value, weight, sheet.value + at,
+                                   sums != Sums::values ? sheet.weight + at : nullptr);
                     add_slope<sums>(d, inside_support(d, bell, edge),
-                                    Slope<D>{slope_x_here, slope_y_here, hn::Set(d, steep_z[slice])},
-                                    steepness.beside_weight(d, apart), sheet, at);
+                                    Slope<D>{slope_x_here, slope_y_here, hn::Set(d, steep_z[slice])}, steepness.ratio,
+                                    sheet, at);
                 }
             }
         });
@@ -148,7 +147,7 @@ HWY_INLINE void separable_slopes(D d, const Target<T>* to, const T* bell_x, cons
 /// One Gaussian along each of x, y and depth serves all sections of a kernel.
 template <Sums sums, class T, bool slopes>
 HWY_NOINLINE int add_spheres(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
-                           T per_X, int count) {
+                             T per_X, int count) {
     const T per_Y = T(1) / std::abs(shape.Y2);
     const T middle_x = -section.a1 * per_X, middle_y = shape.Y2 < T(0) ? section.a2 * per_Y : -section.a2 * per_Y;
     const Rect box{whole(std::ceil(middle_x - per_X), splat.live.rect.x0, splat.live.rect.x1),

@@ -26,16 +26,15 @@ namespace hn = hwy::HWY_NAMESPACE;
 
 /// What kernels add to sheets.
 enum class Sums {
-    values,     ///< the sum of m f g
-    weights,    ///< beside it that of m g
-    from_first, ///< that of m g, and of m (f - f0) g with f0 that of the first kernel that reaches the point
+    values,  ///< the sum of m f g
+    weights, ///< beside it that of m g
 };
 
 /// The sheets of one slice that a part adds to.
 template <class T>
 struct Target {
     T* value;
-    T* weight; ///< null: not summed. Of Sums::from_first the sheet of f0 comes after it, then those of derivatives.
+    T* weight; ///< null: not summed
     int stride;
     /// Of derivatives of both over columns, rows and slices: three sheets each, one after the other. Null: not summed.
     T* slope;
@@ -49,47 +48,14 @@ HWY_INLINE int whole(T at, int low, int high) {
     return static_cast<int>(std::min(std::max(at, static_cast<T>(low)), static_cast<T>(high)));
 }
 
-/// Adds a share of a kernel's weight to W, and to D what the share is of the value's difference from that of the first
-/// kernel here. Sums of equal values are 0 to the last bit, where D / W would have the rounding of both. What came
-/// before a share next to which it is nothing does not count as first: all that is summed is moved to the new value.
-/// slopes: the sheets of derivatives too. Returns the difference.
-template <bool slopes, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
-HWY_INLINE V add_from_first(D d, V share, V value, T* values, T* weights, std::size_t sheet) {
-    T* firsts = weights + sheet;
-    const V before = hn::LoadU(d, weights);
-    V first = hn::LoadU(d, firsts), sum = hn::LoadU(d, values);
-    const auto fresh = hn::Lt(before, hn::Mul(share, hn::Set(d, least_first<T>)));
-    if (HWY_UNLIKELY(!hn::AllFalse(d, fresh))) {
-        const V moved = hn::IfThenElseZero(fresh, hn::Sub(first, value));
-        first = hn::IfThenElse(fresh, value, first);
-        hn::StoreU(first, d, firsts);
-        sum = hn::MulAdd(before, moved, sum);
-        for (std::size_t axis = 0; axis < (slopes ? 3 : 0); ++axis) {
-            T* of_values = firsts + (axis + 1) * sheet;
-            const V of_weights = hn::LoadU(d, of_values + 3 * sheet);
-            hn::StoreU(hn::MulAdd(of_weights, moved, hn::LoadU(d, of_values)), d, of_values);
-        }
-    }
-    const V apart = hn::Sub(value, first);
-    hn::StoreU(hn::MulAdd(share, apart, sum), d, values);
-    hn::StoreU(hn::Add(before, share), d, weights);
-    return apart;
-}
-
-/// Adds t = max(0, bell - edge) times value (and weight) to a vector of pixels. Returns what add_from_first does; of
-/// other sums nothing of use.
-template <Sums sums, bool slopes, class D, class V = hn::Vec<D>>
-HWY_INLINE V add_bell(D d, V bell_less_edge, V value, V weight, hn::TFromD<D>* values, hn::TFromD<D>* weights,
-                      std::size_t sheet) {
+/// Adds t = max(0, bell - edge) times value (and weight) to a vector of pixels.
+template <Sums sums, class D, class V = hn::Vec<D>>
+HWY_INLINE void add_bell(D d, V bell_less_edge, V value, V weight, hn::TFromD<D>* values, hn::TFromD<D>* weights) {
     const V t = hn::Max(bell_less_edge, hn::Zero(d));
-    if constexpr (sums == Sums::from_first) {
-        return add_from_first<slopes>(d, hn::Mul(weight, t), value, values, weights, sheet);
-    }
     hn::StoreU(hn::MulAdd(value, t, hn::LoadU(d, values)), d, values);
     if constexpr (sums == Sums::weights) {
         hn::StoreU(hn::MulAdd(weight, t, hn::LoadU(d, weights)), d, weights);
     }
-    return value;
 }
 
 /// Half the derivative of r^2 over columns, rows and slices, times a kernel's steepness (Steepness::scale).
@@ -102,22 +68,17 @@ struct Slope {
 template <Sums sums, class T>
 struct Steepness {
     T scale; ///< where weights are summed, by weight, else by value
-    T ratio; ///< of value to weight; of no use but of Sums::weights
+    T ratio; ///< of value to weight; of Sums::weights
 
     HWY_INLINE Steepness(T steep, T value, T weight)
         : scale(steep * (sums == Sums::values ? value : weight)), ratio(sums == Sums::weights ? value / weight : T(0)) {
     }
-    /// What values are summed by, once weights are. apart: what add_bell has returned.
-    template <class D, class V = hn::Vec<D>>
-    [[nodiscard]] HWY_INLINE V beside_weight(D d, V apart) const {
-        return sums == Sums::from_first ? apart : hn::Set(d, ratio);
-    }
 };
 
 /// Adds bell times slope to sheets of derivatives, at element `at`: to those of values times `per_weight` where there
-/// are those of weights too (Steepness::beside_weight).
+/// are those of weights too (Steepness::ratio).
 template <Sums sums, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
-HWY_INLINE void add_slope(D d, V bell, const Slope<D>& slope, V per_weight, const Target<T>& to, std::ptrdiff_t at) {
+HWY_INLINE void add_slope(D d, V bell, const Slope<D>& slope, T per_weight, const Target<T>& to, std::ptrdiff_t at) {
     const V slopes[3] = {slope.column, slope.row, slope.slice};
     const auto add = [&](V much, T* sheets) {
         for (const V& one : slopes) {
@@ -128,7 +89,7 @@ HWY_INLINE void add_slope(D d, V bell, const Slope<D>& slope, V per_weight, cons
     if constexpr (sums == Sums::values) {
         add(bell, to.slope);
     } else {
-        add(hn::Mul(bell, per_weight), to.slope);
+        add(hn::Mul(bell, hn::Set(d, per_weight)), to.slope);
         add(bell, to.weight_slope);
     }
 }
@@ -186,9 +147,6 @@ HWY_INLINE void in_batches(int first, int count, const Add& add) {
 /// Calls use(sums) with what kernels of a field add to sheets: sums.value is one of Sums.
 template <class T, class Use>
 HWY_INLINE auto with_sums(const PartProfile<T>& profile, const Use& use) {
-    if (profile.from_first) {
-        return use(std::integral_constant<Sums, Sums::from_first>());
-    }
     return profile.weight_channel >= 0 ? use(std::integral_constant<Sums, Sums::weights>())
                                        : use(std::integral_constant<Sums, Sums::values>());
 }

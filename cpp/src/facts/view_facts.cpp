@@ -10,10 +10,6 @@ namespace sheetsplat {
 
 namespace {
 
-/// Share of the reference length below which a pixel or a slice spacing is so small that plans ask how little a
-/// lattice's values change.
-constexpr double lit_from_near = 0.5;
-
 FrameFacts frame_facts(const Frame& frame) {
     FrameFacts facts;
     facts.size = frame.size;
@@ -107,8 +103,6 @@ ViewFacts view_facts(const Scene& scene, const Camera& camera, const Frame& fram
     facts.screen_px.largest_lattice = 0.0;
     facts.overlap.typical = 0.0;
     facts.shapes.smallest_falloff = std::numeric_limits<double>::infinity();
-    const bool near = scene.gradient == Gradient::sheets && !scene.lights.empty() && !is_scalar(scene.mode) &&
-                      facts.frame.smallest_step() < lit_from_near * facts.frame.reference_length;
     for (const auto& field : scene.fields) {
         facts.shapes.smallest_falloff = std::min(facts.shapes.smallest_falloff, field->kernel().falloff);
         facts.kernels.all += field->size();
@@ -117,9 +111,6 @@ ViewFacts view_facts(const Scene& scene, const Camera& camera, const Frame& fram
             add_ellipsoids(*ellipsoids, survey, scene, camera, frame, facts);
         } else {
             add_lattice(*as_regular(field.get()), scene, camera, frame, facts);
-        }
-        if (near && survey.lattice_peak && field->normalization() != Normalization::threshold) {
-            facts.least_changes.emplace(field.get(), surveys.least_change_of(field));
         }
         if (survey.lattice_peak) {
             facts.lattice_peaks.emplace(field.get(), *survey.lattice_peak);

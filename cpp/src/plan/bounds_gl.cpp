@@ -67,9 +67,7 @@ double noise_of_derivatives(const ViewFacts& view, const SumFacts& sums, double 
 
 /// The range that scenes of this steepness and magnification are held to.
 double limit_of(const BySteepness& range, const ViewFacts& view, const SumFacts& facts) {
-    const bool gentle =
-        facts.steepness <= gentle_steepness && view.frame.reference_length <= gentle_pixels * view.frame.smallest_pixel;
-    return gentle ? range.gentle : range.steep;
+    return bound_of(view, facts) == gentle_bound ? range.gentle : range.steep;
 }
 
 /// Whether light shows the rounding of quotients: under a transfer function of one value it shows gradients however

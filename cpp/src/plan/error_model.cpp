@@ -7,6 +7,7 @@
 #include "error_model.hpp"
 #include "limits_errors.hpp"
 #include "occurring.hpp"
+#include "parts.hpp"
 #include "plan/effect_table.hpp"
 #include "plan/pivot.hpp"
 #include "scene/mode_rules.hpp"
@@ -217,35 +218,50 @@ double ratio_from_pivots(const Scene& scene, const DrawPlan& plan, double resolv
     return ratio;
 }
 
-double noise_of_lit_sums(const Scene& scene, const ViewFacts& view, const DrawPlan& plan, const SumFacts& sums,
-                         double magnified) {
-    double noise = 0.0;
+double bound_of(const ViewFacts& view, const SumFacts& sums) {
+    const bool gentle =
+        sums.steepness <= gentle_steepness && view.frame.reference_length <= gentle_pixels * view.frame.smallest_pixel;
+    return gentle ? gentle_bound : float32_bound;
+}
+
+double lit_rounding(const Scene& scene, const ViewFacts& view, DrawPlan& plan, const SumFacts& sums) {
+    const double falloff = view.shapes.smallest_falloff, steep = std::sqrt(2.0 * steepest_falloff(scene));
+    const double per_px = plan.filter ? 0.0 : steep / view.screen_px.smallest;
+    const double of_sum =
+        rounded_sum * std::sqrt(sums.crowd) / -std::expm1(-falloff) + rounded_place * per_px * std::min(1.0, per_px);
+    double rounding = 0.0;
     for (const Group& group : groups_drawn(scene)) {
-        double largest = 0.0, spread = 0.0, change = std::numeric_limits<double>::infinity();
+        double counted = 0.0, whole = 0.0;
         for (std::size_t number = group.first; number < group.last; ++number) {
             const Field& field = *scene.fields[number];
             const Amounts amounts = amounts_of(field, view);
-            spread = std::max(spread, amounts.high - amounts.low);
-            if (field.normalization() == Normalization::threshold || field.size() == 0) {
-                continue;
-            }
-            const RegularField* lattice = as_regular(&field);
-            const bool as_summed = lattice != nullptr && field.normalization() == Normalization::none;
-            const double scale = as_summed ? lattice->lattice_constant() : 1.0;
-            largest = std::max(largest, scale * amounts.largest);
-            const auto found = view.least_changes.find(&field);
-            // Wider kernels even values out.
-            const double evened = lattice != nullptr ? std::max(1.0, 0.5 * lattice->options().radius) : 1.0;
-            change =
-                std::min(change, found != view.least_changes.end() ? found->second * scale / (evened * evened) : 0.0);
+            const std::array<double, 2> range = field.value_range();
+            const bool divided = field.normalization() == Normalization::threshold;
+            counted += divided ? 0.5 * (range[1] - range[0]) : amounts.largest;
+            whole += amounts.largest;
         }
-        if (largest > 0.0) {
-            const double resolved = plan.mode == Mode::isosurface && spread > 0.0 ? spread : plan.unit_of(group.first);
-            noise = std::max(noise, std::max(1.0, largest / resolved) /
-                                        std::sqrt(std::clamp(change / resolved, least_change_lit, 1.0)));
+        const double unit = plan.unit_of(group.first);
+        rounding = std::max(rounding, (of_sum * counted + rounded_number * whole) / unit);
+    }
+    double lights = 0.0, brightest = 0.0;
+    for (const Light& light : scene.lights) {
+        lights += std::max({std::abs(light.color.x), std::abs(light.color.y), std::abs(light.color.z)});
+    }
+    for (const Group& group : scene.groups()) {
+        for (const TransferPoint& point : group.transfer_function->points()) {
+            brightest =
+                std::max({brightest, std::abs(point.color.x), std::abs(point.color.y), std::abs(point.color.z)});
         }
     }
-    return noise * std::pow(magnified, 1.5) * std::sqrt(std::max(1.0, sums.crowd / usual_overlap));
+    const Material& material = scene.material;
+    const double turned = std::abs(material.diffuse) * brightest +
+                          2.0 * std::abs(material.specular) * std::sqrt(std::max(1.0, material.shininess));
+    // Six values make three differences. A derivative is at most 0.61 sqrt(2k) over the semi-axis times the value.
+    const double shortest = std::min(view.frame.smallest_pixel, view.frame.slice_spacing);
+    const double axis = view.screen_px.smallest * view.frame.smallest_pixel;
+    plan.gradient_doubt =
+        plan.analytic_gradient ? std::sqrt(3.0) * 1.22 * steep * std::min(1.0, shortest / axis) : std::sqrt(6.0);
+    return rounding * lights * turned;
 }
 
 double weights_in_slabs(Sampling sampling, const SumFacts& sums) {

@@ -30,12 +30,13 @@ SumFacts sum_facts(const Scene& scene, const ViewFacts& view, const DrawPlan& pl
 /// transfer function classifies all fields; else it follows from each group's.
 double ratio_from_pivots(const Scene& scene, const DrawPlan& plan, double resolved);
 
-/// Noise that lit differences of sums show where nothing is divided, in units of that of sums of a lattice of radius 2
-/// whose values are those of the transfer function's window and change by as much from sample to sample. magnified:
-/// reference length over a pixel or slice spacing; 0 where all fields are divided. Values that hardly change leave
-/// gradients that are as weak as those of rounding; what is faded (conventions, section 5) bounds that.
-double noise_of_lit_sums(const Scene& scene, const ViewFacts& view, const DrawPlan& plan, const SumFacts& sums,
-                         double magnified);
+/// Root mean square error that a picture's pixels may have (conventions, section 9).
+double bound_of(const ViewFacts& view, const SumFacts& sums);
+
+/// Error of a lit picture over its doubt (DrawPlan::lit_rounding): what the rounding of sums, of what they are counted
+/// from and of places makes of rho, in the sheets' unit, times what all lights can make of a turned normal. Fills
+/// DrawPlan::gradient_doubt.
+double lit_rounding(const Scene& scene, const ViewFacts& view, DrawPlan& plan, const SumFacts& sums);
 
 /// Largest weight over w0, times values over what is resolved, where means over slabs are divided; 0 elsewhere. The
 /// means are differences, known to the rounding of 1 however small they are.

@@ -13,13 +13,6 @@ namespace sheetsplat::cpu_limits {
 constexpr double largest_aspect = 512.0;
 /// Semi-axis, pixels: places are counted from the corner of an image tile, and known to some 4e-6 pixels.
 constexpr double least_px = 0.05;
-/// Shortest semi-axis, pixels, of lit ellipsoids that hardly overlap. In their middles gradients are 0, and what
-/// rounding of places makes of them shows: needles of 1:3 of 0.8 to 2.1 pixels were seen at 2e-4 to 4e-4 (P99.9).
-/// Larger ones have too few middles for that. The second: where opacity is steep.
-constexpr double least_lit_px = 16.0, least_steep_lit_px = 0.3;
-/// ... of at most so many kernels at a point, of an aspect of at least this, and of a steepness of opacity and colours
-/// (over the window, a slice) up to which a transfer function counts as gentle.
-constexpr double few_overlaps = 3.0, sphere_aspect = 1.001, gentle_steepness = 10.0;
 /// Radius, pixels: float32 resolves squares of distances beside that of a pixel.
 constexpr double largest_px = 1e6;
 /// A ray's way through a slab over half a kernel: beyond, differences of erf lose what a thin kernel adds. At 370 seen
@@ -34,24 +27,8 @@ constexpr double least_falloff = 0.5;
 constexpr double steepest_falloff = 20.0;
 /// What sums may come to.
 constexpr double largest_sum = 1e30;
-/// Kernels at a point, where quotients are lit: beyond, they lose digits to the many kernels that they are made of.
-constexpr double largest_lit_overlap = 1000.0;
 /// Kernels of one size at one place, which round alike, times values over what is resolved.
 constexpr double most_alike = 5000.0;
-/// The same where quotients are lit, times the reference length over a pixel or slice spacing (at 700 seen at the
-/// bound).
-constexpr double most_alike_lit = 200.0;
-/// Where values are nearly alike, the rounding of their means is lit: values over what is resolved times the reference
-/// length over a pixel or slice spacing. Gentle scenes were seen at 0.99 of their bounds at 9.2 and 1.4 at 12, steep
-/// ones at 0.8 at 17 and 1.2 at 35.
-constexpr double largest_lit_noise = 8.0, largest_steep_lit_noise = 16.0;
-/// Of the kernels' own derivatives sums hold differences of values alone, and what is lit is the rounding of the values
-/// themselves, counted from the middle: seen were 5e-7 (RMSE) times their largest over what is resolved and the
-/// reference length over a semi-axis (at least 1), where values hardly change around a point and are far from the
-/// middle. Scenes with gentle opacities are held to 2e-5.
-constexpr double largest_noise_of_values = 20.0;
-/// noise_of_lit_sums: seen were 0.84 of the bounds at 420 (gentle), 1.3 at 800; 0.26 at 5,000 (steep).
-constexpr double largest_noise_of_sums = 400.0, largest_steep_noise_of_sums = 2000.0;
 /// Slice spacing in perspective, world units, and its inverse: beyond, squares of lengths leave float32.
 constexpr double largest_unit = 1e8;
 
@@ -62,10 +39,6 @@ constexpr double largest_sum_float64 = 1e250;
 constexpr double widest_weights_in_slabs_float64 = widest_weights_in_slabs * (float32_epsilon / float64_epsilon);
 constexpr double least_falloff_float64 = 1e-8;
 constexpr double steepest_falloff_float64 = 600.0;
-/// Reference length over a pixel or slice spacing: differences of float64 sums lose gradients that show.
-constexpr double largest_magnification_float64 = 1e11;
-/// Values over window where quotients are lit: the same share of the digits as in float32.
-constexpr double largest_lit_ratio_float64 = largest_lit_ratio * (float32_epsilon / float64_epsilon);
 
 // ---- errors and memory
 

@@ -13,8 +13,10 @@ constexpr double gradient_noise = 1.0;
 constexpr double gradient_noise_16 = 2.0;
 constexpr double quotient_noise_16 = 10.0;
 
-/// Change of values between neighbouring samples, over the window, below which gradients show no more noise.
-constexpr double least_change_lit = 0.003;
+// ---- light of gradients, tile by tile (test: test_precision_of_tiles.py)
+
+/// Rounding of a place in a tile, pixels, and of a number as it is stored, over that of a number.
+constexpr double rounded_place = 12.0, rounded_number = 0.5;
 
 // ---- light looked up in volumes (test: test_shadows_and_occlusion_within_the_stated_error)
 

@@ -55,12 +55,8 @@ double least_faded(const Scene& scene, const ViewFacts& view, const SumFacts& su
 
 /// Why float32 would not keep its bound; empty where it does.
 std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPlan& plan, const SumFacts& sums) {
-    const std::string ell = number(view.frame.reference_length) + " (the reference length)";
     if (view.kernels.all == 0 || view.frame.slices == 0) {
         return "";
-    }
-    if (plan.gradient && plan.mode == Mode::composite && has_window_of_one_value(scene)) {
-        return "the transfer function has one value, so that gradients of any strength are lit (section 5)";
     }
     if (plan.mode == Mode::composite && view.frame.slices > most_plain_slices) {
         return std::to_string(view.frame.slices) + " slices would make float32 sums drift";
@@ -70,13 +66,6 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
     }
     if (!plan.filter && view.screen_px.smallest < limits::least_px) {
         return "float32 would not resolve the positions of kernels of " + number(view.screen_px.smallest) + " pixels";
-    }
-    const double least_lit_px =
-        sums.steepness > limits::gentle_steepness ? limits::least_steep_lit_px : limits::least_lit_px;
-    if (plan.gradient && !plan.filter && view.shapes.largest_aspect > limits::sphere_aspect &&
-        view.overlap.typical < limits::few_overlaps && view.screen_px.smallest_ellipsoid < least_lit_px) {
-        return "float32 would lose the gradients in the middle of ellipsoids of " +
-               number(view.screen_px.smallest_ellipsoid) + " pixels";
     }
     if (view.screen_px.largest() > limits::largest_px) {
         return "float32 would not resolve distances in kernels of " + number(view.screen_px.largest()) + " pixels";
@@ -88,10 +77,9 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
         return "weights of up to " + number(sums.weight_range) +
                " times w0: where these are w0, the rounding of float32 means over slabs would show";
     }
-    if (is_near_the_end(plan, sums)) {
+    if (plan.mode == Mode::isosurface && sums.largest > farthest_surface * sums.nearest_end) {
         return "an iso value is " + number(sums.nearest_end) + " from the end of values of up to " +
-               number(sums.largest) + ": float32 would lose where the surface is" +
-               (plan.analytic_gradient ? ", and with it the gradient there" : "");
+               number(sums.largest) + ": float32 would lose where the surface is";
     }
     if (plan.gradient_opacity && least_faded(scene, view, sums, float32_epsilon) > *scene.gradient_opacity) {
         return "gradient_opacity " + number(*scene.gradient_opacity) + " is within the rounding of float32 gradients";
@@ -106,40 +94,8 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
         return "values reach " + number(sums.largest) + ", but the transfer function distinguishes " +
                number(sums.resolved);
     }
-    if (lights_quotients(plan) && plan.analytic_gradient) {
-        const double ratio = ratio_from_pivots(scene, plan, sums.resolved);
-        const double axis = view.screen_px.smallest * view.frame.smallest_pixel;
-        if (ratio * std::max(1.0, view.frame.reference_length / axis) > limits::largest_noise_of_values) {
-            return "derivatives of quotients would show the rounding of values in float32 where these hardly change: "
-                   "they reach " +
-                   number(ratio) + " times the range of the transfer function from their middle";
-        }
-    }
-    // Distance over which gradients change: of neighbouring samples, whose differences count more along oblique rays
-    // (conventions, section 5), or of derivatives over kernels.
-    const double change = plan.analytic_gradient ? view.screen_px.smallest * view.frame.smallest_pixel
-                                                 : view.frame.smallest_step() / view.frame.largest_slant;
-    const double magnified = std::max(1.0, view.frame.reference_length / change);
-    const double crowd = std::max(sums.overlap, view.overlap.densest);
-    const double most_noise =
-        sums.steepness > limits::gentle_steepness ? limits::largest_steep_lit_noise : limits::largest_lit_noise;
-    if (lights_quotients(plan) && !plan.analytic_gradient &&
-        (crowd > limits::largest_lit_overlap || std::max(1.0, sums.ratio) * magnified > most_noise)) {
-        return "lit quotients of the sums of " + number(crowd) + " overlapping kernels, with values up to " +
-               number(sums.ratio) + " times the range of the transfer function and " + number(magnified) +
-               " pixels or slice spacings to a reference length, would be noisy in float32";
-    }
-    const double lit_noise =
-        plan.gradient && !plan.analytic_gradient ? noise_of_lit_sums(scene, view, plan, sums, magnified) : 0.0;
-    if (lit_noise > (sums.steepness > limits::gentle_steepness ? limits::largest_steep_noise_of_sums
-                                                               : limits::largest_noise_of_sums)) {
-        return "a pixel of " + number(view.frame.smallest_pixel) + " or a slice spacing of " +
-               number(view.frame.slice_spacing) + " beside " + ell + ", with values up to " + number(sums.ratio) +
-               " times the range of the transfer function: differences of float32 sums would lose the gradient where "
-               "values hardly change";
-    }
     const double alike = view.overlap.alike * std::max(1.0, sums.ratio);
-    if (alike > limits::most_alike || (lights_quotients(plan) && alike * magnified > limits::most_alike_lit)) {
+    if (alike > limits::most_alike) {
         return "float32 sums of " + number(view.overlap.alike) + " ellipsoids of one size at one place would drift";
     }
     const double unit = view.frame.slice_spacing;
@@ -180,14 +136,6 @@ void refuse_beyond_float64(const Scene& scene, const ViewFacts& view, const Draw
                    (plan.empty_test ? " where opacity at 0 is above 0" : " in this mode"),
                "use a smaller " + option_ref("falloff") + (plan.empty_test ? ", or an opacity of 0 at 0" : ""));
     }
-    const double nearest = view.frame.smallest_step();
-    if (plan.gradient && !plan.analytic_gradient &&
-        view.frame.reference_length > limits::largest_magnification_float64 * nearest) {
-        refuse("a pixel or a slice spacing of " + number(nearest) + " beside a reference length of " +
-                   number(view.frame.reference_length) + ", whose gradients float64 loses",
-               "at least " + number(1.0 / limits::largest_magnification_float64) + " times that where it is lit",
-               "pass " + option_ref("reference_length", "...") + ", or leave out the lights");
-    }
     if (plan.gradient_opacity) {
         const double least = least_faded(scene, view, sums, float64_epsilon);
         if (least > *scene.gradient_opacity) {
@@ -209,13 +157,11 @@ void refuse_beyond_float64(const Scene& scene, const ViewFacts& view, const Draw
                "at most " + number(limits::widest_weights_in_slabs_float64 / std::max(1.0, sums.ratio)) + " times",
                "use a larger " + option_ref("w0") + ", or leave out " + option_ref("sampling", "slab"));
     }
-    const bool lit = lights_quotients(plan) && sums.ratio > limits::largest_lit_ratio_float64;
     const double error = picture_error(sums, float64_epsilon);
-    if (lit || error > float32_bound) {
+    if (error > float32_bound) {
         refuse("values up to " + number(sums.largest) + ", of which the transfer function distinguishes " +
                    number(sums.resolved),
-               "values of at most " +
-                   number(lit ? limits::largest_lit_ratio_float64 : sums.ratio * float32_bound / error) + " times that",
+               "values of at most " + number(sums.ratio * float32_bound / error) + " times that",
                "subtract an offset from the values");
     }
 }
@@ -329,9 +275,14 @@ void plan_cpu(const Scene& scene, const ViewFacts& view, const RendererOptions& 
     const bool asked = options.precision == Precision::float64;
     const bool kept = options.precision == Precision::float32;
     plan.precision = asked || (!kept && !why.empty()) ? Precision::float64 : Precision::float32;
+    plan.bound = bound_of(view, sums);
+    plan.lit_rounding = plan.lit ? lit_rounding(scene, view, plan, sums) : 0.0;
+    plan.inexact = options.allow_inexact;
+    plan.exact_tiles = plan.precision == Precision::float32 && !kept;
     effects.state(EffectId::float64, plan.precision == Precision::float64,
                   asked          ? "precision float64 was asked for"
                   : !why.empty() ? why
+                  : plan.lit     ? "float32 keeps the error bound, but for tiles whose light would show its rounding"
                                  : "float32 keeps the error bound");
     if (!options.allow_inexact) {
         effects.refuse_dropped();

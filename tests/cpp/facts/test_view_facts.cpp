@@ -57,37 +57,6 @@ TEST(EllipsoidFacts, CountWhatAPlanAsksFor) {
     EXPECT_EQ(survey_kernels(empty).mean_overlap, 0.0);
 }
 
-TEST(LatticeFacts, TellHowLittleValuesChange) {
-    const auto change = [](std::vector<double> samples, std::array<std::size_t, 3> shape) {
-        RegularFieldOptions options = test::zero_boundary();
-        options.nan = NanPolicy::skip;
-        return least_change(RegularField(std::move(samples), shape, options));
-    };
-    EXPECT_EQ(change({0.0, 1.0, 0.5, 0.2, 0.1, 0.9, 0.3, 0.4}, {2, 2, 2}), 1.0);
-    EXPECT_EQ(change(std::vector<double>(27, 2.0), {3, 3, 3}), 0.0);
-    // Pairs of a row: 1 and 2, 4 and 4.5; of an odd number the last one is alone.
-    EXPECT_EQ(change({1.0, 2.0, 4.0, 4.5}, {1, 1, 4}), 0.5);
-    EXPECT_EQ(change({1.0, 2.0, 4.0}, {1, 1, 3}), 0.0);
-    // Below a twentieth of the largest value nothing counts; what is no number does not either.
-    EXPECT_EQ(change({0.0, 0.0, 0.1, 0.1, 4.0, 7.0}, {1, 1, 6}), 3.0);
-    EXPECT_EQ(change({std::nan(""), std::nan(""), 4.0, 7.0}, {1, 1, 4}), 3.0);
-    // It is asked for where a lit lattice is seen from near, and only there.
-    const auto field = std::make_shared<const RegularField>(std::vector<double>{0.0, 1.0, 0.5, 0.2, 0.1, 0.9, 0.3, 0.4},
-                                                            std::array<std::size_t, 3>{2, 2, 2}, test::zero_boundary());
-    const auto asked = [&](double height, bool lit) {
-        Scene scene{{field}, TransferFunction({{0.0, {1, 1, 1}, 0.0}, {1.0, {1, 1, 1}, 0.5}})};
-        if (lit) {
-            scene.lights = {Light{}};
-        }
-        const Camera camera = Camera::orthographic(Vec3(0.5, 0.5, 5.0), Vec3(0.5), Vec3(0.0, 1.0, 0.0), height);
-        FieldSurveys surveys;
-        return view_facts(scene, camera, make_frame(scene, camera, {64, 64}), surveys).least_changes;
-    };
-    EXPECT_EQ(asked(4.0, true).at(field.get()), 1.0);
-    EXPECT_TRUE(asked(4.0, false).empty());
-    EXPECT_TRUE(asked(40.0, true).empty());
-}
-
 TEST(WeightFacts, AreExtremesOverTheKernels) {
     EllipsoidArrays arrays;
     arrays.centers = {Vec3(0.0), Vec3(1.0), Vec3(2.0)};

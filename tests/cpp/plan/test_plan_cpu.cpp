@@ -248,26 +248,6 @@ TEST(PlanOfCpu, StaysInFloat32WhereAllIsMild) {
     EXPECT_EQ(plan_of(lit_scene(), facts(), options).precision, Precision::float64) << "asked for";
 }
 
-TEST(PlanOfCpu, TakesFloat64ForTheMiddlesOfLitEllipsoidsThatHardlyOverlap) {
-    ViewFacts view = facts();
-    view.shapes.largest_aspect = 3.0;
-    view.screen_px.smallest_ellipsoid = view.screen_px.smallest = 2.0;
-    view.overlap.typical = view.overlap.densest = 1.0;
-    EXPECT_EQ(plan_of(lit_scene(), view).precision, Precision::float64);
-    Scene unlit = lit_scene();
-    unlit.lights.clear();
-    EXPECT_EQ(plan_of(unlit, view).precision, Precision::float32);
-    ViewFacts crowded = view;
-    crowded.overlap.typical = 20.0;
-    EXPECT_EQ(plan_of(lit_scene(), crowded).precision, Precision::float32);
-    ViewFacts round = view;
-    round.shapes.largest_aspect = 1.0;
-    EXPECT_EQ(plan_of(lit_scene(), round).precision, Precision::float32);
-    ViewFacts large = view;
-    large.screen_px.smallest_ellipsoid = large.screen_px.smallest = 20.0;
-    EXPECT_EQ(plan_of(lit_scene(), large).precision, Precision::float32);
-}
-
 TEST(PlanOfCpu, RefusesWhatFloat64WouldNotDo) {
     Scene scene = lit_scene();
     scene.lights.clear();

@@ -15,7 +15,6 @@ inline ViewFacts surveyed(const Scene& scene, ViewFacts view) {
         }
         if (survey.lattice_peak) {
             view.lattice_peaks.emplace(field.get(), *survey.lattice_peak);
-            view.least_changes.emplace(field.get(), surveys.least_change_of(field));
         }
     }
     return view;

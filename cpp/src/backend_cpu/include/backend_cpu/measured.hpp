@@ -53,13 +53,6 @@ constexpr int walked_rows = sizeof(T) == 4 ? 20 : 48;
 template <class T>
 constexpr T deepest_span = sizeof(T) == 4 ? T(118) : T(1000);
 
-// Values from the first (splat_target-inl.hpp). tests/python/test_flat_fields.py
-
-/// Share of a kernel's weight below which W before it does not count: what is counted from the value of so little loses
-/// that many digits, and moving the sums takes time.
-template <class T>
-constexpr T least_first = T(1) / T(1024);
-
 // Splat loop of products. tests/python/test_cpu_lattices.py
 
 /// Kernels of one shape that reach farther from their centres are walked along columns.

@@ -75,7 +75,6 @@ struct TileKernels {
     std::vector<RowShape<T>> shapes;     ///< one for all, or as many as there are sections
     T weight = 0;                        ///< of all where there are no extras
     double pivot = 0.0;                  ///< what the field's values are counted from
-    bool from_first = false;             ///< PartProfile: values are not multiplied by weights
     /// Half the extents of a support on the screen, in pixels: of all where there is one shape. In perspective times
     /// the depth of its centre, and not less than that for centres at least twice as far away as it is deep. 0: not
     /// known.

@@ -120,6 +120,7 @@ struct Shading {
     /// Components of the gradient are differences of rho times these; in perspective that across is divided by the
     /// depth. In float64: a slab's own scale is put in before they are rounded.
     double gradient_across = 0.0, gradient_along = 0.0;
+    T gradient_doubt = T(1); ///< error of a slab's scaled gradient over that of rho
 
     std::vector<KeptHalfSpace> kept;     ///< all of them; none without a clip
     std::vector<VolumeLookup> shadow_of; ///< a light

@@ -89,6 +89,8 @@ struct TilePicture {
     /// Of a part of a whole: the slices that it draws, with the intervals behind them; null where it draws all.
     const T* first_owned = nullptr;
     const T* last_owned = nullptr;
+    /// Sums over a tile of squares of how much of an error of rho lit pixels show (Slab::doubt), a lane each.
+    alignas(64) T doubts[TileShape::padding] = {};
     int* row_alive = nullptr; ///< a row: pixels that still change: alpha < A_stop, and not yet at the depth limit
     int alive = 0;            ///< sum of row_alive
 };

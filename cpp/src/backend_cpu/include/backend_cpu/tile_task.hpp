@@ -32,8 +32,7 @@ struct PartProfile {
     int weight_channel = -1; ///< -1: weights are not summed
     /// The first of three: derivatives over columns, rows and slices. -1: not summed.
     int slope_channel = -1, weight_slope_channel = -1;
-    double pivot = 0.0;      ///< what values are counted from
-    bool from_first = false; ///< at each point values are counted from the first one: the sheet after that of W
+    double pivot = 0.0; ///< what values are counted from
 };
 
 /// A field that is divided by its own weights before fields are added.
@@ -82,7 +81,6 @@ struct LoopSetup {
     std::vector<GroupSheets<T>> groups;
     int channels = 0;
     bool slopes = false;                 ///< derivatives are summed beside values
-    bool from_first = false;             ///< so are the fields that are divided by their weights (PartProfile)
     const SliceRecord* record = nullptr; ///< null: a picture is drawn
     bool keep_weight = false;            ///< W is read after the division (empty points, coverage, slices that count)
     bool slab = false;

@@ -26,17 +26,11 @@ WeightFacts survey_weights(const EllipsoidField& field);
 /// is left of its kernel's height, at most.
 WeightFacts survey_filtered_weights(const EllipsoidField& field, const FilterWidth& width);
 
-/// The least range of values in blocks of 2 x 2 x 2 neighbouring samples, of those with a sample of at least a
-/// twentieth of the field's largest: where it is 0, gradients may be those of the ripple alone. Of a lattice that is
-/// flat anywhere it is found at once, else the samples are read once.
-double least_change(const RegularField& field);
-
 struct FieldSurvey {
     std::weak_ptr<const Field> field;
     KernelFacts kernels;                ///< scattered fields
     std::optional<WeightFacts> weights; ///< weighted ones
     std::optional<double> lattice_peak; ///< lattices: largest W / C anywhere
-    std::optional<double> least_change; ///< lattices, where it was asked for
 };
 
 /// Drops entries of other fields, but not those of fields that still exist which are `spared`.
@@ -55,8 +49,6 @@ void keep_fields(std::vector<std::unique_ptr<Entry>>& entries, const std::vector
 class FieldSurveys {
   public:
     const FieldSurvey& of(const std::shared_ptr<const Field>& field) { return kept(field); }
-    /// As the function of this name.
-    double least_change_of(const std::shared_ptr<const Field>& lattice);
     /// Drops what belongs to other fields. Parts of a whole come one after the other, again for each picture: what
     /// belongs to `parts` stays while they exist.
     void forget_others(const std::vector<std::shared_ptr<const Field>>& fields, bool parts) {

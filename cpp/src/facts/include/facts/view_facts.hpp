@@ -86,7 +86,6 @@ struct ViewFacts {
     OverlapFacts overlap;
     std::map<const Field*, WeightFacts> weights;    ///< of weighted fields
     std::map<const Field*, double> lattice_peaks{}; ///< of lattices: largest W / C
-    std::map<const Field*, double> least_changes{}; ///< of lattices that are lit from near: least_change
     std::optional<ExtremeFacts> extremes{};         ///< modes mip and minimum of one lattice whose blocks bound rho
 };
 

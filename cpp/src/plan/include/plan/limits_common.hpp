@@ -9,6 +9,9 @@ namespace sheetsplat {
 
 /// Root mean square error that float32 pictures may have (conventions, section 9). Test: CpuFloat32.EndsAt/ratio.
 constexpr double float32_bound = 1e-4;
+/// The same of scenes whose opacities and colours are at most so steep, over a slice and the transfer function's width,
+/// and whose reference length is at most so many pixels.
+constexpr double gentle_bound = 2e-5, gentle_steepness = 10.0, gentle_pixels = 100.0;
 /// Rounding of one number, with what sums of several add.
 constexpr double float32_epsilon = 6e-8;
 constexpr double float64_epsilon = 1.2e-16;

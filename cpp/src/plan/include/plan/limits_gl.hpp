@@ -90,10 +90,6 @@ constexpr double densest_lit = 2e5;
 struct BySteepness {
     double gentle, steep;
 };
-/// A scene is gentle up to this steepness of opacity and colours (over the window, a slice) and so many pixels to a
-/// reference length.
-constexpr double gentle_steepness = 10.0, gentle_pixels = 100.0;
-
 /// Values over the window beyond which quotients that are lit are counted from the middle of the values: at 1.9
 /// seen at 2.9e-5 (RMSE), at 31 at 4e-4 (P99.9), and then at 2e-5. Test: GlChooses.CountsFromTheMiddleFrom.
 /// Surfaces are where values change.

@@ -53,6 +53,13 @@ struct DrawPlan {
         return field_units.empty() ? value_unit : field_units[field];
     }
     Precision precision = Precision::float32;
+    /// Root mean square error that a tile may have (conventions, section 9).
+    double bound = 1e-4;
+    /// Of lit pictures: error of a tile over its doubt (backend_cpu, Slab::doubt) and over the rounding of a number.
+    double lit_rounding = 0.0;
+    double gradient_doubt = 1.0; ///< error of a slab's gradient, as it is scaled, over that of rho
+    bool exact_tiles = false;    ///< tiles beyond the bound are drawn again in float64; else the picture is refused
+    bool inexact = false;        ///< nothing is refused
 
     // Gradients and light.
     bool gradient = false;          ///< gradients are made, for light or for gradient_opacity

@@ -132,9 +132,11 @@ class KernelFeed {
         section.first = static_cast<std::int32_t>(first);
         extra.last = static_cast<std::int32_t>(last);
         const double weight = field_.weight(index) * amplitude;
-        section.value = static_cast<T>((field_.value(index) - kernels_.pivot) * weight * view_.value_scale());
-        // A weight of 0 still reaches, by the least that is drawn.
-        extra.weight = static_cast<T>(std::max(weight * view_.weight_scale(), least_drawn_weight));
+        // A weight of 0 still reaches, by the least that is drawn: what D and W have of it is a value of 0.
+        const double least = least_drawn_weight / view_.weight_scale();
+        const double value = weight > 0.0 ? (field_.value(index) - kernels_.pivot) * weight : -kernels_.pivot * least;
+        section.value = static_cast<T>(value * view_.value_scale());
+        extra.weight = static_cast<T>(std::max(weight, least) * view_.weight_scale());
     }
 
     HWY_INLINE void add_sphere(std::uint32_t index) {

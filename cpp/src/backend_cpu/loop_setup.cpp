@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <type_traits>
 #include <utility>
 
 #include "backend_cpu/number.hpp"
@@ -94,9 +93,9 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
         return plan.own_sheets.empty() ? plan.threshold : plan.own_sheets[field] >= 0;
     };
     // Gradients of quotients are next to nothing where values are alike: counted from the middle of the values, they
-    // have no more rounding errors than what is left. Float64 has digits enough.
+    // have no more rounding errors than what is left, and none where all values are one.
     const auto pivot = [&](std::size_t field) {
-        return std::is_same_v<T, float> && shading.gradient && is_divided(field)
+        return shading.gradient && is_divided(field)
                    ? number<T>(pivot_of(*job.scene->fields[field]) / plan.unit_of(field))
                    : T(0);
     };

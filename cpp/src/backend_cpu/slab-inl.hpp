@@ -131,9 +131,12 @@ struct Slab {
         const V shown = hn::Mul(shares, moved);
         hn::Store(hn::MulAdd(shown, shown, hn::Load(d, picture.doubts)), d, picture.doubts);
     }
-    /// `moved` over a gradient's length, or 10^15 where it is more: squares and their sums stay within the format.
+    /// `moved` over a gradient's length, or 10^15 where it is more: squares and their sums stay within the format. 0
+    /// where the length is: a gradient of 0 has no direction, unless g0 holds it (conventions, section 5).
     HWY_INLINE static V over_size(D d, V moved, V per_size) {
-        return hn::Min(hn::Mul(moved, hn::Min(per_size, hn::Set(d, T(1e15)))), hn::Set(d, T(1e15)));
+        const V most = hn::Set(d, T(1e15));
+        return hn::IfThenElseZero(hn::Lt(per_size, hn::Set(d, T(1e30))),
+                                  hn::Min(hn::Mul(moved, hn::Min(per_size, most)), most));
     }
 
     /// Composites alpha > 0, 0 outside of `visible`, behind what a plane holds; counts the pixels that end. depths():

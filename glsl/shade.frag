@@ -17,6 +17,9 @@ uniform float exponent;         // slice spacing over reference length
 #ifdef GRADIENT
 #include "lib/gradient.glsl"
 #endif
+#ifdef DOUBT
+#include "lib/doubt.glsl"
+#endif
 #endif
 #ifdef STOP
 uniform float opacity_stop;
@@ -98,6 +101,9 @@ void main() {
 #endif
 #ifdef COMPENSATED
     vec4 error = texelFetch(image_error_texture, at, 0);
+#endif
+#ifdef DOUBT
+    float doubt = 0.0;
 #endif
 
 #ifdef MODE_XRAY
@@ -183,6 +189,10 @@ void main() {
 #ifdef GRADIENT
             vec3 normal_gradient = mix(gradient[c], gradient[c + 1], share);
 #endif
+#ifdef DOUBT
+            add_doubt(doubt, normal_error(normal_gradient, gradient_error(float(c) + share) +
+                                                               moved(gradient[c], gradient[c + 1], rho[c + 1] - rho[c])));
+#endif
             result = vec4(SEEN(iso_color.rgb, float(c) + share), 1.0);
 #ifdef DEPTH_OUT
             depth = first_depth + (float(c) + share) * slice_spacing;
@@ -262,6 +272,9 @@ void main() {
 #endif
         vec3 color = SEEN(classified.rgb, middle);
         float share = (1.0 - result.a) * alpha;
+#ifdef DOUBT
+        add_doubt(doubt, share * normal_error(normal_gradient, gradient_error(middle)));
+#endif
 #ifdef DEPTH_OUT
         if (result.a < 0.5 && result.a + share >= 0.5) {
 #ifdef PREINTEGRATION
@@ -285,5 +298,12 @@ void main() {
     image_out = result;
 #ifdef COMPENSATED
     error_out = error;
+#endif
+#ifdef DOUBT
+#ifdef READ_IMAGE
+    doubt_out = vec4(doubt + texelFetch(image_doubt_texture, at, 0).r, 0.0, 0.0, 0.0);
+#else
+    doubt_out = vec4(doubt, 0.0, 0.0, result.a);
+#endif
 #endif
 }

@@ -32,6 +32,9 @@ uniform float bases[ALL_GROUPS]; // what the values of each group are counted fr
 #endif
 #ifdef GRADIENT
 #include "lib/gradient.glsl"
+#ifdef DOUBT
+#include "lib/doubt.glsl"
+#endif
 #define SEEN(color, slab) seen(color, slab, normal_gradient, view)
 #else
 #define SEEN(color, slab) seen(color, slab)
@@ -170,6 +173,9 @@ void main() {
 #ifdef COMPENSATED
     vec4 error = texelFetch(image_error_texture, at, 0);
 #endif
+#ifdef DOUBT
+    float doubt = 0.0;
+#endif
 
 #ifdef SCALAR
     for (int c = CENTER; c < CENTER + SLICES; ++c) {
@@ -249,6 +255,10 @@ void main() {
             vec3 normal_gradient = mix(gradient[from], gradient[from + 1], place);
 #endif
             float share = (1.0 - result.a) * iso_colors[next].a;
+#ifdef DOUBT
+            add_doubt(doubt, share * normal_error(normal_gradient, gradient_error(float(c) + place) +
+                                                                       moved(gradient[from], gradient[from + 1], rho[from + 1] - rho[from])));
+#endif
 #ifdef DEPTH_OUT
             if (result.a < 0.5 && result.a + share >= 0.5) {
                 depth = first_depth + (float(c) + place) * slice_spacing;
@@ -272,6 +282,9 @@ void main() {
         vec4 mixed = vec4(0.0); // sums of tau times colour and of tau, over the groups
         float absorbed = 0.0;
         bool opaque = false;
+#ifdef DOUBT
+        float largest_error = 0.0;
+#endif
         for (int g = 0; g < ALL_GROUPS; ++g) {
             SELECT(g);
             int n = g * SLABS + c;
@@ -300,6 +313,9 @@ void main() {
             if (!reached || tau == 0.0) {
                 continue;
             }
+#ifdef DOUBT
+            largest_error = max(largest_error, normal_error(normal_gradient, gradient_error(middle)));
+#endif
             absorbed += tau * exponent * slant;
             mixed += tau * vec4(SEEN(classified.rgb, middle), 1.0);
         }
@@ -308,6 +324,9 @@ void main() {
             continue;
         }
         float share = (1.0 - result.a) * alpha;
+#ifdef DOUBT
+        add_doubt(doubt, share * largest_error);
+#endif
 #ifdef DEPTH_OUT
         if (result.a < 0.5 && result.a + share >= 0.5) {
 #ifdef PREINTEGRATION
@@ -331,5 +350,12 @@ void main() {
     image_out = result;
 #ifdef COMPENSATED
     error_out = error;
+#endif
+#ifdef DOUBT
+#ifdef READ_IMAGE
+    doubt_out = vec4(doubt + texelFetch(image_doubt_texture, at, 0).r, 0.0, 0.0, 0.0);
+#else
+    doubt_out = vec4(doubt, 0.0, 0.0, result.a);
+#endif
 #endif
 }

@@ -28,6 +28,9 @@ uniform sampler2D image_coverage_texture;
 #ifdef COMPENSATED
 uniform sampler2D image_error_texture;
 #endif
+#if defined(DOUBT) && defined(READ_IMAGE)
+uniform sampler2D image_doubt_texture;
+#endif
 
 out vec4 image_out;
 #ifdef DEPTH_OUT
@@ -38,6 +41,9 @@ out vec2 coverage_out; // sum and its rounding error
 #endif
 #ifdef COMPENSATED
 out vec4 error_out;
+#endif
+#ifdef DOUBT
+out vec4 doubt_out; // sum of squares (lib/doubt.glsl); where passes are blended, opacity in a
 #endif
 
 // Slices of this pass are CENTER ... CENTER + SLICES - 1 of the array; intervals start one earlier, since their far end needs a gradient too.

@@ -202,10 +202,6 @@ void copy_picture(const TileShape& shape, const TilePicture<T>& picture, Image& 
     }
 }
 
-/// Estimated error over the bound: of float32 tiles that are drawn again, and of tiles that are refused. Estimates were
-/// seen at 3 to 1000 times the error.
-constexpr double drawn_again = 0.5, refused = 4.0;
-
 void refuse_tile(const Job& job, const TileShape& shape, double error) {
     if (job.plan->inexact) {
         return;
@@ -398,7 +394,7 @@ struct CpuRenderer::State {
             const double error = draw_tile(job, setup, shape, tile, functions, rooms[thread], between, image);
             const bool again = std::is_same_v<T, float> && job.plan->exact_tiles;
             // (What is no number is beyond every bound.)
-            if (!(error <= (again ? drawn_again : refused) * job.plan->bound)) {
+            if (!(error <= (again ? drawn_again : refused_tile) * job.plan->bound)) {
                 again ? exact.draw(tile, thread, between, image) : refuse_tile(job, shape, error);
             }
         });
@@ -501,7 +497,7 @@ struct CpuRenderer::State {
             const TileShape shape = layout_.shape(tile);
             const double error =
                 state_.draw_tile(job_, setup_, shape, tile, *functions_, state_.scratch_double[thread], between, image);
-            if (!(error <= refused * job_.plan->bound)) {
+            if (!(error <= refused_tile * job_.plan->bound)) {
                 refuse_tile(job_, shape, error);
             }
             drawn_.fetch_add(1, std::memory_order_relaxed);

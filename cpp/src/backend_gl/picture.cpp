@@ -74,6 +74,9 @@ void Picture::draw() {
     if (plan_.depth) {
         image_.depth.assign(pixels, std::numeric_limits<float>::infinity());
     }
+    if (job_.doubts != nullptr) {
+        job_.doubts->assign(pixels, 0.0F);
+    }
     upload();
     const Capabilities& capabilities = context_.capabilities();
     int edge = std::min(
@@ -184,7 +187,10 @@ void Picture::read(const Targets& targets, const Tile& tile) {
         read_channels(targets, tile, attachment++, 1, 1.0, image_.depth);
     }
     if (plan_.coverage) {
-        read_channels(targets, tile, attachment, 1, distance, image_.coverage);
+        read_channels(targets, tile, attachment++, 1, distance, image_.coverage);
+    }
+    if (job_.doubts != nullptr && targets.shape().doubts) {
+        read_channels(targets, tile, attachment + (plan_.compensated ? 1 : 0), 1, 1.0, *job_.doubts);
     }
 }
 

@@ -215,7 +215,7 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
     if (!wide) {
         defines["PHASE"] = std::to_string(phase);
     }
-    const std::array<std::pair<const char*, bool>, 34> switches{{
+    const std::array<std::pair<const char*, bool>, 35> switches{{
         {"CLASSIFY", plan.mode == Mode::composite},
         {"MODE_ISOSURFACE", plan.mode == Mode::isosurface},
         {"MODE_XRAY", plan.mode == Mode::xray},
@@ -250,6 +250,7 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
         {"DEPTH_OUT", plan.depth},
         {"COVERAGE", plan.coverage},
         {"COMPENSATED", plan.compensated},
+        {"DOUBT", plan.lit_rounding > 0.0},
     }};
     define(switches, defines);
     if (plan.mode == Mode::mip || plan.mode == Mode::minimum) {
@@ -289,6 +290,9 @@ std::vector<std::string> shade_outputs(const DrawPlan& plan) {
     }
     if (plan.compensated) {
         names.emplace_back("error_out");
+    }
+    if (plan.lit_rounding > 0.0) {
+        names.emplace_back("doubt_out");
     }
     return names;
 }

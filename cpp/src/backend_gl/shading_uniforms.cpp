@@ -71,6 +71,7 @@ void set_lights(const gl::Program& program, const ShadingInputs& inputs) {
 
 void set_gradients(const gl::Program& program, const ShadingInputs& inputs, const DrawPlan& plan) {
     program.set("gradient_scale", f(inputs.gradient_across), f(inputs.gradient_along));
+    program.set("gradient_doubt", f(plan.gradient_doubt));
     for (std::size_t group = 0; group < inputs.groups.size(); ++group) {
         program.set(name_in(inputs, "weakest_gradient", group), f(inputs.groups[group].weakest_gradient));
         if (plan.gradient_opacity) {

@@ -11,7 +11,8 @@ bool TargetShape::operator==(const TargetShape& other) const {
     return width == other.width && height == other.height && sheet_format == other.sheet_format && wide == other.wide &&
            weight == other.weight && slopes == other.slopes && weight_slopes == other.weight_slopes &&
            shared_depth == other.shared_depth && depth == other.depth && coverage == other.coverage &&
-           compensated == other.compensated && copies == other.copies && own == other.own && groups == other.groups;
+           compensated == other.compensated && doubts == other.doubts && copies == other.copies && own == other.own &&
+           groups == other.groups;
 }
 
 namespace {
@@ -126,6 +127,7 @@ Targets::Targets(const gl::Api& gl, const TargetShape& shape) : gl_(&gl), shape_
     add(shape.depth, GL_R32F, "image_depth_texture", UNIT_IMAGE_DEPTH, std::numeric_limits<float>::infinity());
     add(shape.coverage, GL_RG32F, "image_coverage_texture", UNIT_IMAGE_COVERAGE, 0.0F);
     add(shape.compensated, GL_RGBA32F, "image_error_texture", UNIT_IMAGE_ERROR, 0.0F);
+    add(shape.doubts, GL_RGBA32F, "image_doubt_texture", UNIT_IMAGE_DOUBT, 0.0F);
     std::vector<gl::Attachment> attachments;
     for (const Picture& picture : pictures_) {
         attachments.emplace_back(&picture.now);

@@ -22,6 +22,7 @@ struct TargetShape {
     bool depth = false;         ///< a picture of depths
     bool coverage = false;
     bool compensated = false; ///< rounding errors of the picture are kept beside it
+    bool doubts = false;      ///< how much of rounding lit colours show (lib/doubt.glsl)
     bool copies = false;      ///< no texture barrier: the picture so far is copied before it is read
     int own = 0;              ///< fields that are normalised by themselves before they are added
     int groups = 1;           ///< of fields that are classified apart: of several each has a layer of the sheets

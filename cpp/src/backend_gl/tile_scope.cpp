@@ -25,6 +25,7 @@ TargetShape shape_of(const DrawPlan& plan, const Scene& scene, const Capabilitie
     shape.depth = plan.depth;
     shape.coverage = plan.coverage;
     shape.compensated = plan.compensated;
+    shape.doubts = plan.lit_rounding > 0.0;
     shape.own = 1 + (plan.own_sheets.empty() ? -1 : *std::max_element(plan.own_sheets.begin(), plan.own_sheets.end()));
     shape.groups = static_cast<int>(groups_drawn(scene).size());
     shape.copies = plan.read_image && !capabilities.texture_barrier;

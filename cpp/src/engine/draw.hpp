@@ -29,6 +29,12 @@ struct Excerpt {
     std::size_t tiles = 0;           ///< how many are drawn
 };
 
+/// The tiles whose light shows more of float32's rounding than the plan's bound allows. doubts: of each pixel
+/// (backend_gl::Job), empty: of none.
+Excerpt doubtful_tiles(const DrawPlan& plan, Size size, const std::vector<float>& doubts);
+/// Copies the tiles that were drawn from a picture of the same scene.
+void copy_tiles(const Image& from, const Excerpt& excerpt, Size size, Image& to);
+
 /// A requested picture, and the options that it is drawn with.
 struct Request {
     const Scene& scene;
@@ -85,8 +91,9 @@ backend_cpu::Job cpu_job(const Request& request, const Prepared& prepared, const
 
 /// Each fills the picture, and its stats: kernels_drawn, bytes_view and bytes_device (not the reference), seconds_draw.
 void draw_on_reference(const Request& request, Image& image);
+/// doubts: as backend_gl::Job has them.
 void draw_on_gl(backend_gl::GlRenderer& renderer, const Request& request, const Prepared& prepared,
-                const Indexed& indexed, Image& image);
+                const Indexed& indexed, Image& image, std::vector<float>& doubts);
 void draw_on_cpu(backend_cpu::CpuRenderer& renderer, const Request& request, const Prepared& prepared,
                  const Indexed& indexed, Image& image);
 

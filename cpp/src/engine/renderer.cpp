@@ -228,7 +228,9 @@ void Renderer::State::draw(const Request& asked, const Prepared& prepared, const
     if (prepared.plan.blank) {
         leave_blank(request, prepared, image);
     } else if (prepared.plan.summary.backend == Backend::gl) {
-        draw_on_gl(backends_.gl(), request, prepared, indexed, image);
+        std::vector<float> doubts;
+        draw_on_gl(backends_.gl(), request, prepared, indexed, image, doubts);
+        draw_doubtful(asked, prepared, doubts, image);
     } else {
         draw_on_cpu(backends_.cpu(), request, prepared, indexed, image);
     }
@@ -240,6 +242,25 @@ void Renderer::State::draw(const Request& asked, const Prepared& prepared, const
     stats["kernels_culled"] = static_cast<double>(indexed.all - indexed.visible);
     stats["bytes_index"] = static_cast<double>(indexed.bytes);
     stats["bytes"] = stats["bytes_index"] + stats["bytes_view"] + stats["bytes_device"];
+}
+
+void Renderer::State::draw_doubtful(const Request& asked, const Prepared& prepared, const std::vector<float>& doubts,
+                                    Image& image) {
+    const DrawPlan& plan = prepared.plan;
+    Excerpt excerpt = doubtful_tiles(plan, asked.size, doubts);
+    image.stats["tiles_in_float64"] = static_cast<double>(excerpt.tiles);
+    if (excerpt.tiles == 0) {
+        return;
+    }
+    RendererOptions options = asked.options;
+    options.backend = Backend::cpu;
+    options.packing = Packing::automatic;
+    options.tagging = Tagging::automatic;
+    options.precision = Precision::automatic;
+    options.effects.clear();
+    const Image exact =
+        render({asked.scene, asked.camera, asked.size, asked.outputs, asked.progress, options, &excerpt}, nullptr);
+    copy_tiles(exact, excerpt, asked.size, image);
 }
 
 LightPlan Renderer::State::plan_light(const Request& request) {

@@ -224,7 +224,7 @@ double bound_of(const ViewFacts& view, const SumFacts& sums) {
     return gentle ? gentle_bound : float32_bound;
 }
 
-double lit_rounding(const Scene& scene, const ViewFacts& view, DrawPlan& plan, const SumFacts& sums) {
+double lit_rounding(const Scene& scene, const ViewFacts& view, DrawPlan& plan, const SumFacts& sums, bool from_middle) {
     const double falloff = view.shapes.smallest_falloff, steep = std::sqrt(2.0 * steepest_falloff(scene));
     const double per_px = plan.filter ? 0.0 : steep / view.screen_px.smallest;
     const double of_sum =
@@ -236,7 +236,7 @@ double lit_rounding(const Scene& scene, const ViewFacts& view, DrawPlan& plan, c
             const Field& field = *scene.fields[number];
             const Amounts amounts = amounts_of(field, view);
             const std::array<double, 2> range = field.value_range();
-            const bool divided = field.normalization() == Normalization::threshold;
+            const bool divided = from_middle && field.normalization() == Normalization::threshold;
             counted += divided ? 0.5 * (range[1] - range[0]) : amounts.largest;
             whole += amounts.largest;
         }
@@ -259,8 +259,9 @@ double lit_rounding(const Scene& scene, const ViewFacts& view, DrawPlan& plan, c
     // Six values make three differences. A derivative is at most 0.61 sqrt(2k) over the semi-axis times the value.
     const double shortest = std::min(view.frame.smallest_pixel, view.frame.slice_spacing);
     const double axis = view.screen_px.smallest * view.frame.smallest_pixel;
-    plan.gradient_doubt =
-        plan.analytic_gradient ? std::sqrt(3.0) * 1.22 * steep * std::min(1.0, shortest / axis) : std::sqrt(6.0);
+    plan.gradient_doubt = plan.analytic_gradient || plan.fine_gradient
+                              ? std::sqrt(3.0) * 1.22 * steep * std::min(1.0, shortest / axis)
+                              : std::sqrt(6.0);
     return rounding * lights * turned;
 }
 

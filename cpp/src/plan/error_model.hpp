@@ -35,8 +35,8 @@ double bound_of(const ViewFacts& view, const SumFacts& sums);
 
 /// Error of a lit picture over its doubt (DrawPlan::lit_rounding): what the rounding of sums, of what they are counted
 /// from and of places makes of rho, in the sheets' unit, times what all lights can make of a turned normal. Fills
-/// DrawPlan::gradient_doubt.
-double lit_rounding(const Scene& scene, const ViewFacts& view, DrawPlan& plan, const SumFacts& sums);
+/// DrawPlan::gradient_doubt. from_middle: values of fields that are divided are counted from their middle.
+double lit_rounding(const Scene& scene, const ViewFacts& view, DrawPlan& plan, const SumFacts& sums, bool from_middle);
 
 /// Largest weight over w0, times values over what is resolved, where means over slabs are divided; 0 elsewhere. The
 /// means are differences, known to the rounding of 1 however small they are.

@@ -6,6 +6,7 @@
 #include "error_model.hpp"
 #include "parts.hpp"
 #include "plan/limits_gl.hpp"
+#include "plan/pivot.hpp"
 #include "plan/slab_nodes.hpp"
 #include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
@@ -258,6 +259,11 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
         check_kernels(scene, view, capabilities, plan);
     }
     plan_precision(scene, view, options, capabilities, effects, plan);
+    if (plan.lit && plan.precision == Precision::float32 && !options.allow_inexact && !plan.paper_slicing) {
+        const SumFacts sums = sum_facts(scene, view, plan);
+        plan.bound = bound_of(view, sums);
+        plan.lit_rounding = lit_rounding(scene, view, plan, sums, counts_from_pivots(plan));
+    }
 
     RenderPlan& summary = plan.summary;
     summary.precision = plan.precision;

@@ -53,6 +53,8 @@ struct Job {
     int tile_size = 0;      ///< largest edge of an image tile, pixels; 0: what the device can do
     int tags_per_clear = 0; ///< 0: what the depth buffer resolves
     const Progress* progress = nullptr;
+    /// Where not null: filled with the doubt of each pixel (lib/doubt.glsl), as far as the plan has lit_rounding.
+    std::vector<float>* doubts = nullptr;
 };
 
 /// Owns one OpenGL context and what was made in it.

@@ -27,187 +27,14 @@ namespace {
     throw Unsupported(Complaint{"the scene cannot be drawn with backend gl", found, wanted, advice});
 }
 
-/// Rounding errors of sums of many equal numbers add up; those of different numbers partly cancel.
-void check_crowds(const ViewFacts& view, const DrawPlan& plan, bool lit_quotient, double ratio) {
-    const double times = std::max(1.0, ratio);
-    double most = most_alike_unlit / times;
-    if (lit_quotient) {
-        const double nearest = view.frame.smallest_step();
-        most = most_alike_lit / times / std::max(1.0, view.frame.reference_length / nearest) /
-               (plan.fine_gradient ? fine_alike_factor : 1.0);
-    }
-    most = std::max(most, least_alike);
-    const std::string advice =
-        std::string("make one kernel of them") +
-        (lit_quotient ? ", of their weights' sum and the mean of their values, or leave out the lights" : "");
-    if (view.overlap.alike > most) {
-        refuse_sheets("about " + number(view.overlap.alike) + " ellipsoids of one size at one place",
-                      "at most " + number(std::floor(most)) + (lit_quotient ? " where they are lit" : ""), advice);
-    }
-    if (lit_quotient && view.overlap.densest * times > densest_lit) {
-        refuse_sheets("about " + number(view.overlap.densest) + " ellipsoids at a point",
-                      "at most " + number(densest_lit / times) + " where they are lit",
-                      "use fewer or smaller ellipsoids, or leave out the lights");
-    }
-}
-
 bool sums_go_beyond(const Scene& scene) {
     return std::any_of(scene.fields.begin(), scene.fields.end(),
                        [](const auto& field) { return field->normalization() != Normalization::lattice; });
 }
 
-/// What float32 makes of quotients of the kernels' own derivatives where rho is the same all around, over its rounding:
-/// values from their pivots over what is resolved (ratio), times the root of the kernels at a point, times the
-/// reference length over the shortest semi-axis.
-double noise_of_derivatives(const ViewFacts& view, const SumFacts& sums, double ratio) {
-    const double axis = view.screen_px.smallest * view.frame.smallest_pixel;
-    const double crowd = std::max(sums.overlap, view.overlap.densest);
-    return ratio * std::sqrt(crowd) * std::max(1.0, view.frame.reference_length / axis);
-}
-
 /// The range that scenes of this steepness and magnification are held to.
 double limit_of(const BySteepness& range, const ViewFacts& view, const SumFacts& facts) {
     return bound_of(view, facts) == gentle_bound ? range.gentle : range.steep;
-}
-
-/// Whether light shows the rounding of quotients: under a transfer function of one value it shows gradients however
-/// weak they are. One field of one value has none of it, and at a surface differences are no rounding.
-bool lights_rounding(const Scene& scene, const DrawPlan& plan) {
-    if (!plan.lit || !lights_quotients(plan) || !(plan.mode == Mode::composite || plan.analytic_gradient)) {
-        return false;
-    }
-    for (const Group& group : groups_drawn(scene)) {
-        if (!has_window_of_one_value(group)) {
-            continue;
-        }
-        for (std::size_t number = group.first; number < group.last; ++number) {
-            const Field& field = *scene.fields[number];
-            const std::array<double, 2> values = field.value_range();
-            const bool exact = group.last - group.first == 1 && values[0] == values[1];
-            if (!exact && field.normalization() == Normalization::threshold && field.size() > 0) {
-                return true;
-            }
-        }
-    }
-    return false;
-}
-
-/// Whether values of a field are so often those of others that it has plateaus: of a lattice those of neighbours, of
-/// scattered kernels any. Looks at a few thousand.
-bool has_plateaus(const Field& field) {
-    constexpr std::size_t most = 4096;
-    const std::size_t step = std::max<std::size_t>(1, field.size() / most);
-    std::size_t equal = 0, compared = 0;
-    if (const RegularField* lattice = as_regular(&field)) {
-        const auto& [nk, nj, ni] = lattice->shape();
-        for (std::size_t at = 0; at < nk * nj * ni; at += step) {
-            const std::size_t i = at % ni, j = at / ni % nj, k = at / ni / nj;
-            if (i + 1 < ni) {
-                ++compared;
-                equal += lattice->value(i, j, k) == lattice->value(i + 1, j, k) ? 1 : 0;
-            }
-        }
-    }
-    if (const EllipsoidField* ellipsoids = as_ellipsoids(&field)) {
-        std::vector<double> values;
-        for (std::size_t kernel = 0; kernel < field.size(); kernel += step) {
-            values.push_back(ellipsoids->value(kernel));
-        }
-        std::sort(values.begin(), values.end());
-        for (std::size_t kernel = 1; kernel < values.size(); ++kernel) {
-            ++compared;
-            equal += values[kernel - 1] == values[kernel] ? 1 : 0;
-        }
-    }
-    return static_cast<double>(equal) > least_repeated * static_cast<double>(compared);
-}
-
-/// Under a transfer function that is narrow beside the values, what is rounded of quotients is lit wherever these
-/// hardly change. ratio: of values, as they are counted, over the width of the transfer function.
-void check_plateaus(const Scene& scene, const ViewFacts& view, const DrawPlan& plan, const SumFacts& facts,
-                    double ratio) {
-    if (plan.mode != Mode::composite || view.kernels.all == 0 || view.frame.slices == 0 ||
-        facts.ratio <= narrow_window) {
-        return;
-    }
-    const bool by_kernels = plan.analytic_gradient || plan.fine_gradient;
-    const double length = by_kernels ? view.screen_px.smallest * view.frame.smallest_pixel : view.frame.smallest_step();
-    const double noise = ratio * std::max(1.0, view.frame.reference_length / length);
-    const double most =
-        limit_of(by_kernels ? noise_of_plateaus_by_kernels : noise_of_plateaus_by_differences, view, facts);
-    const auto is_lit = [&](const auto& field) {
-        return field->normalization() == Normalization::threshold &&
-               (noise > noise_of_any_values || has_plateaus(*field));
-    };
-    if (noise > most && std::any_of(scene.fields.begin(), scene.fields.end(), is_lit)) {
-        // A little more than the limit, so that the number as it is printed is enough.
-        const double width = 1.001 * facts.largest / narrow_window;
-        refuse_sheets("lit quotients of sums of values of up to " + number(facts.largest) +
-                          " under a transfer function of a width of " + number(facts.resolved) +
-                          ": where they hardly change, as where many are equal, their rounding would be lit",
-                      "a width of at least " + number(width),
-                      "use a wider transfer function or " + option_ref("clim") + ", or leave out the lights",
-                      "transfer_function");
-    }
-}
-
-/// What float32 loses of gradients of quotients that are near their kernels' ends, or far magnified. ratio: of values
-/// over what is resolved.
-void check_quotients(const ViewFacts& view, const DrawPlan& plan, const SumFacts& facts, double ratio) {
-    if (view.kernels.all == 0 || view.frame.slices == 0 || !(plan.fine_gradient || plan.analytic_gradient)) {
-        return;
-    }
-    const double ell = view.frame.reference_length;
-    const auto most_of = [&](const BySteepness& range) { return limit_of(range, view, facts) / std::max(1.0, ratio); };
-    const bool isosurface = plan.mode == Mode::isosurface;
-    const double axis = view.screen_px.smallest * view.frame.smallest_pixel;
-    double most = most_of(plan.analytic_gradient ? widest_derivatives
-                          : isosurface           ? widest_isosurface
-                                                 : widest_differences);
-    const double change = std::max(axis, view.frame.smallest_pixel);
-    if (isosurface && plan.fine_gradient && ell > magnified_isosurface * change) {
-        const double times = ell / change / magnified_isosurface;
-        most = std::min(most, widest_magnified_isosurface / times / times / std::max(1.0, ratio));
-    }
-    if (isosurface && plan.analytic_gradient) {
-        const double by_axis = most_of(widest_by_semi_axis) / (ell / axis) / (ell / axis);
-        most = std::min(most, std::max(by_axis, widest_isosurface_of_derivatives / std::max(1.0, ratio)));
-    }
-    const Words way_out =
-        (plan.analytic_gradient
-             ? "leave out " + option_ref("gradient", "analytic") + ", or use a larger " + option_ref("w0")
-             : "use a larger " + option_ref("w0") + " or " + option_ref("gradient", "analytic"));
-    if (plan.analytic_gradient) {
-        const Words calmer = "leave out " + option_ref("gradient", "analytic");
-        const double noise = noise_of_derivatives(view, facts, ratio);
-        if (noise > largest_noise_of_derivatives) {
-            refuse_sheets("lit derivatives of quotients where values of " + number(ratio) +
-                              " times the range of the transfer function from their middle, times reference lengths "
-                              "over semi-axes, times the root of the kernels at a point are " +
-                              number(noise),
-                          "at most " + number(largest_noise_of_derivatives), calmer);
-        }
-        if (view.shapes.largest_aspect > largest_derived_aspect) {
-            refuse_sheets("lit derivatives of quotients of kernels of 1:" + number(view.shapes.largest_aspect),
-                          "at most 1:" + number(largest_derived_aspect), calmer);
-        }
-    }
-    if (facts.weight_range > most) {
-        refuse_sheets("weights of up to " + number(facts.weight_range) +
-                          " times w0: near the ends of kernels light would show rounding errors",
-                      "at most " + number(most) + " times w0", way_out);
-    }
-    // What a ray goes through is no more opaque than its length lets it be. Surfaces are where differences are large.
-    const double seen = std::min(ell, view.frame.slice_spacing * static_cast<double>(view.frame.slices));
-    const double magnified = std::max(1.0, ratio) * seen / change;
-    const double most_magnified = magnified_quotients / std::sqrt(std::max(1.0, view.overlap.densest));
-    if (plan.fine_gradient && !isosurface && magnified > most_magnified) {
-        refuse_sheets("quotients of sums that are lit where a reference length is " + number(magnified) +
-                          " pixels or semi-axes",
-                      "at most " + number(std::floor(most_magnified)) + " with about " + number(view.overlap.densest) +
-                          " ellipsoids at a point",
-                      "use " + option_ref("gradient", "analytic") + " or a smaller " + option_ref("reference_length"));
-    }
 }
 
 /// Why the slicing of [NM06] cannot draw a scene; empty where it can.
@@ -330,7 +157,6 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
     }
     const double expected = plan.summary.expected_error();
     // What is counted from the middle of values is rounded by half their range, however little of it sums come to.
-    const bool lit_quotient = lights_quotients(plan);
     const double half_range = counts_from_pivots(plan) ? ratio_from_pivots(scene, plan, resolved) : 0.0;
     const double worst = noise * std::max(ratio, half_range) * steepness;
     // Whether a kernel reaches a point shows: 16 bits lose the smallest weights.
@@ -356,16 +182,13 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                       "scale the weights and " + option_ref("w0") + " by one factor, or pass " +
                           option_ref("allow_inexact", "true")});
     }
-    const double lit_ratio = counts_from_pivots(plan) ? half_range : ratio;
     // Errors of single slices partly cancel along a ray; what a steep ramp adds, it adds at few pixels.
     const double picture =
         0.25 * float32_epsilon * std::sqrt(overlap) * std::max(ratio, half_range) * std::min(steepness, 4.0);
-    const bool too_far = lit_quotient && lit_ratio > largest_lit_ratio;
-    const double most_times = 4.0 * float32_bound / (sums / ratio) / std::min(steepness, 4.0);
-    if (plan.precision == Precision::float32 && (picture > float32_bound || too_far)) {
+    if (plan.precision == Precision::float32 && picture > float32_bound) {
         refuse_sheets("values up to " + number(std::max(largest, half_range * resolved)) + " where " +
                           number(resolved) + " is resolved",
-                      "values of at most " + number(too_far ? std::min(largest_lit_ratio, most_times) : most_times) +
+                      "values of at most " + number(4.0 * float32_bound / (sums / ratio) / std::min(steepness, 4.0)) +
                           " times that",
                       "use a wider transfer function or " + option_ref("clim") +
                           ", or subtract an offset from values that are all far from 0");
@@ -373,7 +196,7 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
     if (plan.gradient_opacity) {
         const double nearest = view.frame.smallest_step();
         const bool differences = !plan.analytic_gradient && !plan.fine_gradient;
-        const double least = least_full_gradient * std::max(1.0, lit_ratio) *
+        const double least = least_full_gradient * std::max({1.0, ratio, half_range}) *
                              (differences ? std::max(1.0, view.frame.reference_length / nearest) : 1.0);
         double unit = plan.value_unit;
         for (const double of_field : plan.field_units) {
@@ -386,26 +209,17 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                           "gradient_opacity");
         }
     }
-    if (is_near_the_end(plan, facts) ||
-        (plan.mode == Mode::isosurface && half_range * resolved > farthest_from_end(plan) * nearest_end)) {
-        const double reach = std::max(largest, half_range * resolved);
+    const double reach = std::max(largest, half_range * resolved);
+    if (plan.mode == Mode::isosurface && reach > farthest_surface * nearest_end) {
         refuse_sheets("an iso value that is " + number(nearest_end) + " from the end of values of up to " +
                           number(reach),
-                      "at least " + number(reach / farthest_from_end(plan)),
-                      plan.analytic_gradient ? "leave out " + option_ref("gradient", "analytic") : Words());
+                      "at least " + number(reach / farthest_surface), Words());
     }
-    if (lights_rounding(scene, plan)) {
-        refuse_sheets(
-            "quotients of sums that are lit under a transfer function of one value: no gradient is too weak to "
-            "be lit, not even one of rounding",
-            "a transfer function over a range of values", "move its points apart, or leave out the lights",
-            "transfer_function");
+    if (view.overlap.alike * std::max(1.0, ratio) > most_alike_unlit) {
+        refuse_sheets("about " + number(view.overlap.alike) + " ellipsoids of one size at one place",
+                      "at most " + number(std::floor(most_alike_unlit / std::max(1.0, ratio))),
+                      "make one kernel of them");
     }
-    if (lit_quotient) {
-        check_plateaus(scene, view, plan, facts, lit_ratio);
-        check_quotients(view, plan, facts, lit_ratio);
-    }
-    check_crowds(view, plan, lit_quotient, ratio);
     const double measure = plan.mode == Mode::xray ? view.frame.slice_spacing : 1.0;
     const double seen = is_scalar(plan.mode) ? std::max(1.0, measure * view.slabs.ellipsoids.peak) : resolved;
     if (plan.sampling == Sampling::slab && !plan.filter &&

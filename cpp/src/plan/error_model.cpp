@@ -269,12 +269,6 @@ double weights_in_slabs(Sampling sampling, const SumFacts& sums) {
     return sampling == Sampling::slab ? sums.weight_range * std::max(1.0, sums.ratio) : 0.0;
 }
 
-double farthest_from_end(const DrawPlan& plan) { return plan.analytic_gradient ? farthest_iso : farthest_surface; }
-
-bool is_near_the_end(const DrawPlan& plan, const SumFacts& sums) {
-    return plan.mode == Mode::isosurface && sums.largest > farthest_from_end(plan) * sums.nearest_end;
-}
-
 bool shows_between_zeros(const Scene& scene, const SumFacts& sums, const DrawPlan& plan) {
     if (!plan.second_order) {
         return false;

@@ -22,9 +22,6 @@ constexpr double float64_epsilon = 1.2e-16;
 /// Below this share of the reference length a pixel or a slice spacing loses gradients in differences of float32 sums.
 /// Test: CpuFloat32.EndsAt/close_pixels.
 constexpr double fine_gradient_below = 1.0 / 8.0;
-/// Largest value over the width of the transfer function, where quotients of sums are lit: an error of 7e-4 (P99.9) was
-/// measured at a quotient of 30, of 2e-3 at 100. Test: GlRefuses.Beyond/lit_ratio.
-constexpr double largest_lit_ratio = 40.0;
 /// Slices of a composite in plain float32: errors of 2e-6 were measured at 28,000 slices, 4e-5 at 280,000, 6e-4 at
 /// 1,750,000. Test: CpuFloat32.EndsAt/slices.
 constexpr std::int64_t most_plain_slices = 1 << 14;
@@ -45,11 +42,5 @@ constexpr double least_filtering = 1e-6;
 constexpr std::int64_t most_light_elements = 24 << 20;
 constexpr std::int64_t most_occlusion_elements = 4 << 20;
 constexpr std::int64_t most_light_elements_of_all = 64 << 20;
-
-/// Largest value over the distance of a lit iso value from the nearest end of the values, in float32 and with the
-/// kernels' own derivatives: where a plateau of values begins, the gradient between two slices is weak by as much as
-/// the surface is near one of them. Seen were 0.3 (RMSE) at 2e8. Tests: CpuFloat32.EndsAt/nearest_end,
-/// GlRefuses.Beyond/nearest_end.
-constexpr double farthest_iso = 1e3;
 
 } // namespace sheetsplat

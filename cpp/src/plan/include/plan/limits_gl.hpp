@@ -72,17 +72,8 @@ constexpr double largest_paper_px = 1e7;
 
 // ---- kernels that are alike or crowded (tests: GlRefuses.Beyond/<name>)
 
-/// Kernels of one size at one place, where quotients of sums are lit, times the values over the window and the
-/// reference length over the distance of samples: their errors add up. At 3,300 seen at 9e-4 (P99.9).
-constexpr double most_alike_lit = 1000.0;
-/// Differences that are splatted lose more: at 2,000 kernels seen at 1.9e-2.
-constexpr double fine_alike_factor = 10.0;
-/// So many are never refused.
-constexpr double least_alike = 64.0;
 /// Kernels of one size at one place without light: at 100,000 seen at 8e-4 (P99.9).
 constexpr double most_alike_unlit = 1e5;
-/// Kernels at a point, where quotients are lit: at 100,000 seen at 3e-4 (P99.9), at 500,000 at 1.3e-3.
-constexpr double densest_lit = 2e5;
 
 // ---- gradients of quotients (tests: GlRefuses.Beyond/<name>)
 
@@ -101,47 +92,6 @@ constexpr double plain_lit_change = 32.0, plain_lit_crowd = 4.0;
 /// gradient_opacity, in windows per reference length, where quotients are divided: where the kernels that overlap have
 /// one value their gradient is rounding alone. At 1e-4 seen at 7e-4 (P99.9).
 constexpr double least_full_gradient = 2e-4;
-/// Largest weight over w0, where gradients of quotients are lit that are made of splatted differences or derivatives:
-/// quotients of next to nothing, near where kernels end, turn rounding into light. Gentle scenes are held to 2e-4
-/// (P99.9), others to 1e-3. Seen were, of differences 1e-4 at 30, 3e-4 at 200, 9e-4 at 1,000 and 4e-3 at 10,000; of
-/// derivatives 1e-4 at 10, 2e-4 at 100, 8e-4 at 10,000 and 5e-3 at 1e6; of differences at isosurfaces 3e-5 at 10,000,
-/// 3e-4 at 300,000 and 3e-3 at 1e6. Plain differences of neighbouring quotients keep their bound throughout.
-constexpr BySteepness widest_differences{50.0, 700.0};
-constexpr BySteepness widest_derivatives{100.0, 1e4};
-constexpr BySteepness widest_isosurface{3e4, 1e5};
-/// ... times the square of this many reference lengths over what quotients change over: 1e-3 was seen at 280 with a
-/// range of 10,000, 2e-3 at 2,880 with one of 100.
-constexpr double magnified_isosurface = 100.0, widest_magnified_isosurface = 3e4;
-/// Derivatives at isosurfaces in the shells where kernels end, beyond this: seen was 3e-5 times the root of the range
-/// and the reference length over the smallest semi-axis; 2.3e-4 (P99.9) at a range of 17 and 1.6 of the latter.
-constexpr double widest_isosurface_of_derivatives = 10.0;
-constexpr BySteepness widest_by_semi_axis{40.0, 1000.0};
-/// Derivatives of quotients where values hardly change around a point (noise_of_derivatives): seen at 2.5e-5 (RMSE) at
-/// 38 and at 7.5e-5 at 200.
-constexpr double largest_noise_of_derivatives = 35.0;
-/// Values over the width of a transfer function from which on it is narrow: what is rounded of values far beyond it is
-/// lit where they hardly change, and where their kernels end. At 9.7 seen at 5e-4 (P99.9).
-constexpr double narrow_window = 8.0;
-/// ... and the share of a field's values that are others' too from which on it has plateaus: of fields whose values all
-/// differ, 96 pictures under narrow transfer functions were at 0.3 of their bounds at most. Test:
-/// GlRefusesNot.NarrowWindowsOfValuesThatDiffer.
-constexpr double least_repeated = 1.0 / 16.0;
-/// ... and where those differ too, of kernels far flatter than a reference length: at 234 seen at 5e-4 (P99.9).
-constexpr double noise_of_any_values = 100.0;
-/// Values from their middle over the width of a narrow transfer function, times the reference length over a pixel or
-/// slice spacing where quotients are lit by plain differences: seen at 2.3e-5 (RMSE) at 5.2 and at 8.5e-4 (P99.9)
-/// at 10.5. ...
-constexpr BySteepness noise_of_plateaus_by_differences{4.0, 20.0};
-/// ... over the smallest semi-axis where they are lit by splatted differences or derivatives: at 2.9e-5 (RMSE) at 2.4,
-/// at 8e-5 at 4.
-constexpr BySteepness noise_of_plateaus_by_kernels{2.0, 10.0};
-/// Longest over shortest semi-axis of kernels whose derivatives are divided: W grad D and D grad W cancel across flat
-/// ones. At 66 seen at 7.5e-5 (RMSE), at 250 at 1.6e-4, at 700 at 2e-4 (P99.9 4.5e-3).
-constexpr double largest_derived_aspect = 64.0;
-/// Reference lengths over what sums of quotients change over, where they are lit by splatted differences, times the
-/// root of the kernels at a point: of 1,000 kernels seen at 3e-4 (P99.9) at 288, at 3.5e-3 at 2,880; of 7 at 4e-9 at
-/// 3,300.
-constexpr double magnified_quotients = 25e3;
 
 // ---- sizes on the screen
 

@@ -1,8 +1,5 @@
 // Adds a field that is normalised by itself to the sheet of all fields: D / max(w0, W), its derivatives, and W. [NM06] equation 20.
 #include "lib/interop.h"
-#ifdef SLOPES
-#include "lib/rounding.glsl"
-#endif
 
 uniform sampler2D sheet_front_texture;
 uniform sampler2D weight_front_texture;
@@ -50,12 +47,9 @@ void main() {
     // The derivative of (D + pivot W) / max(w0, W): w0 has none.
     vec4 varying_part = mix(vec4(-pivot / half_range), quotient, greaterThan(weight, vec4(w0)));
     divisor /= half_range;
-    vec4 x = varying_part * texelFetch(weight_x_front_texture, at, 0);
-    vec4 y = varying_part * texelFetch(weight_y_front_texture, at, 0);
-    vec4 z = varying_part * texelFetch(weight_z_front_texture, at, 0);
-    x_sum = above_rounding(texelFetch(x_front_texture, at, 0) - x, of_products * x) / divisor;
-    y_sum = above_rounding(texelFetch(y_front_texture, at, 0) - y, of_products * y) / divisor;
-    z_sum = above_rounding(texelFetch(z_front_texture, at, 0) - z, of_products * z) / divisor;
+    x_sum = (texelFetch(x_front_texture, at, 0) - varying_part * texelFetch(weight_x_front_texture, at, 0)) / divisor;
+    y_sum = (texelFetch(y_front_texture, at, 0) - varying_part * texelFetch(weight_y_front_texture, at, 0)) / divisor;
+    z_sum = (texelFetch(z_front_texture, at, 0) - varying_part * texelFetch(weight_z_front_texture, at, 0)) / divisor;
 #endif
 #ifdef WEIGHT
     // Where its weight is too small the field is empty.

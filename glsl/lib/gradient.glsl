@@ -5,9 +5,6 @@ uniform vec2 gradient_scale;    // reference length over twice the pixel's width
 #include "lib/slopes.glsl"
 #else
 #include "lib/differences.glsl"
-#ifdef QUOTIENTS
-#include "lib/rounding.glsl"
-#endif
 #endif
 
 // rho: of the slabs at the pixel; slope: of its ray, in perspective. The first and the last slab have no gradient.
@@ -24,9 +21,6 @@ void gradients_at(ivec2 at, float rho[SLABS], vec2 slope, out vec3 gradient[SLAB
         vec3 change = slopes[c];
 #else
         vec3 change = vec3(beside[c], rho[c + 1] - rho[c - 1]);
-#ifdef QUOTIENTS
-        change = above_rounding(change, rho[c]);
-#endif
 #endif
 #ifdef PERSPECTIVE
         float t = first_depth + float(c) * slice_spacing;

@@ -43,8 +43,6 @@ uniform SHEET weight_z_back_texture;
 #endif
 
 #ifdef THRESHOLD
-#include "lib/rounding.glsl"
-
 void raw_at(ivec2 at, out float d[SLABS]) {
     FETCH(d, sheet, at)
 }
@@ -55,8 +53,7 @@ float quotient_change(float d_minus, float w_minus, float w_plus, float d_change
     float m_minus = max(w0, w_minus);
     float m_plus = max(w0, w_plus);
     float m_change = min(w_minus, w_plus) > w0 ? w_change : m_plus - m_minus;
-    float part = d_minus * m_change;
-    float change = above_rounding(d_change * m_minus - part, of_products * part) / (m_minus * m_plus);
+    float change = (d_change * m_minus - d_minus * m_change) / (m_minus * m_plus);
 #ifdef PIVOT
     change *= half_range;
     change += pivot * (max(w_minus, w_plus) < w0 ? w_change : min(w_plus, w0) - min(w_minus, w0)) / w0;
@@ -126,13 +123,6 @@ void slopes_at(ivec2 at, float rho[SLABS], out vec3 change[SLABS]) {
         change[c] = vec3(across[c], upwards[c], rho[c + 1] - rho[c - 1]);
 #else
         change[c] = vec3(beside[c], rho[c + 1] - rho[c - 1]);
-#endif
-#ifdef THRESHOLD
-#ifdef FINE_XY
-        change[c].z = above_rounding(change[c].z, rho[c]);
-#else
-        change[c] = above_rounding(change[c], rho[c]);
-#endif
 #endif
 #ifdef FINE_Z
         // At both ends of the stack one of the two neighbours is 0, and their difference exact.

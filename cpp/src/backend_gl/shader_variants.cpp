@@ -176,12 +176,6 @@ ShadedParts shaded_parts(const Scene& scene) {
     parts.lights = scene.lights.size();
     const std::vector<Group> groups = groups_drawn(scene);
     parts.groups = groups.size();
-    parts.quotients = std::all_of(groups.begin(), groups.end(), [&scene](const Group& group) {
-        const auto fields = scene.fields.begin();
-        return std::any_of(fields + static_cast<std::ptrdiff_t>(group.first),
-                           fields + static_cast<std::ptrdiff_t>(group.last),
-                           [](const auto& field) { return field->normalization() == Normalization::threshold; });
-    });
     parts.least_weights = std::any_of(groups.begin(), groups.end(), [&scene](const Group& group) {
         return group.last - group.first == 1 && scene.fields[group.first]->least_weight() > 0.0;
     });
@@ -215,7 +209,7 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
     if (!wide) {
         defines["PHASE"] = std::to_string(phase);
     }
-    const std::array<std::pair<const char*, bool>, 35> switches{{
+    const std::array<std::pair<const char*, bool>, 34> switches{{
         {"CLASSIFY", plan.mode == Mode::composite},
         {"MODE_ISOSURFACE", plan.mode == Mode::isosurface},
         {"MODE_XRAY", plan.mode == Mode::xray},
@@ -228,7 +222,6 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
         {"PERSPECTIVE", plan.projection == Projection::perspective},
         {"GRADIENT", plan.gradient},
         {"SLOPES", splats_slopes(plan)},
-        {"QUOTIENTS", plan.gradient && parts.quotients},
         {"ANALYTIC", plan.analytic_gradient},
         {"FINE_XY", plan.fine_across},
         {"FINE_Z", plan.fine_along},

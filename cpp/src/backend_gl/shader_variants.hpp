@@ -65,7 +65,6 @@ struct ShadedParts {
     std::size_t lights = 0;
     std::size_t groups = 1;     ///< that are classified apart
     std::size_t surfaces = 0;   ///< iso values of all groups; 0: one opaque surface at most
-    bool quotients = false;     ///< rho of every group is, or holds, a quotient of sums
     bool ends = false;          ///< fields of groups end in different places
     bool least_weights = false; ///< points of a group of one field are empty where W is too small
 

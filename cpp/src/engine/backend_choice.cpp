@@ -143,6 +143,14 @@ DrawPlan BackendChoice::choose_plan(const Request& request, const ViewFacts& fac
         try {
             return plan_on(backends.front(), request, facts);
         } catch (const Unsupported& error) {
+            // What a device cannot draw within the bound the processor draws, unless its ways were asked for.
+            const bool hands_over = backends.front() == Backend::gl && !asks_for_a_way(request.options) &&
+                                    request.options.precision == Precision::automatic;
+            std::optional<DrawPlan> plan = hands_over ? try_plan(Backend::cpu, request, facts) : std::nullopt;
+            if (plan) {
+                plan->summary.device += "; for backend gl: " + reason_of(error.complaint()).text();
+                return *std::move(plan);
+            }
             throw Unsupported(with_other_backend(error.complaint(), backends.front(), request, facts));
         }
     }

@@ -259,7 +259,7 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
         check_kernels(scene, view, capabilities, plan);
     }
     plan_precision(scene, view, options, capabilities, effects, plan);
-    if (plan.lit && plan.precision == Precision::float32 && !options.allow_inexact && !plan.paper_slicing) {
+    if (plan.lit && plan.precision == Precision::float32 && !options.allow_inexact) {
         const SumFacts sums = sum_facts(scene, view, plan);
         plan.bound = bound_of(view, sums);
         plan.lit_rounding = lit_rounding(scene, view, plan, sums, counts_from_pivots(plan));

@@ -319,7 +319,6 @@ TEST(ShaderVariants, GroupsAndSurfacesHaveAShaderOfTheirOwn) {
     EXPECT_STREQ(shaded_parts(scene).shader(), "shade.frag");
     scene.mode = Mode::composite;
     EXPECT_STREQ(shaded_parts(scene).shader(), "shade_groups.frag");
-    EXPECT_FALSE(shaded_parts(scene).quotients);
     const gl::Defines defines = shade_defines(plain(), shaded_parts(scene), 0);
     EXPECT_EQ(defines.at("GROUPS"), "2");
     EXPECT_EQ(defines.count("SURFACES"), 0U);

@@ -45,47 +45,13 @@ void make_papers(Case& one) {
     make_unlit(one);
     one.options.effects = {{"paper_slicing", true}};
 }
-/// Lit by splatted differences: `pixels` of them to a reference length.
-void make_close(Case& one, double pixels) {
-    one.view.frame.smallest_pixel = one.view.frame.largest_pixel = one.view.frame.reference_length / pixels;
-}
-void make_analytic(Case& one) { one.scene.gradient = Gradient::analytic; }
 void make_surface(Case& one) {
     one.scene.mode = Mode::isosurface;
     one.scene.iso_values = {0.1};
 }
-/// Values are no larger than what is resolved: the window, or at isosurfaces their spread.
-void set_weight_range(Case& one, double range) {
-    const double offset = one.scene.mode == Mode::isosurface ? -0.5 : 0.0;
-    one.scene.fields = {ellipsoids(1.0 / range, 1.0, 1.0, 5.0, offset)};
-}
-
 void set_window(Case& one, double width) {
     one.scene.transfer_function = TransferFunction({{0.0, {1, 1, 1}, 0.0}, {width, {1, 1, 1}, 0.001}});
 }
-/// Three kernels, two of which have one value.
-void make_plateaus(Case& one) {
-    EllipsoidArrays arrays;
-    arrays.centers = {Vec3(0.0), Vec3(1.0, 0.0, 0.0), Vec3(2.0, 0.0, 0.0)};
-    arrays.scales = std::vector<Vec3>(3, Vec3(1.0, 0.5, 2.0));
-    arrays.values = {0.5, 0.7, 0.7};
-    EllipsoidFieldOptions options;
-    options.normalization = Normalization::threshold;
-    options.w0 = 1.0;
-    one.scene.fields = {std::make_shared<EllipsoidField>(std::move(arrays), options)};
-}
-void set_narrow_window(Case& one, double width) {
-    make_plateaus(one);
-    set_window(one, width);
-}
-
-/// Opacity rises 20 times as steeply as over the whole width.
-void set_steep_window(Case& one, double width) {
-    make_plateaus(one);
-    one.scene.transfer_function =
-        TransferFunction({{0.0, {1, 1, 1}, 0.0}, {0.05 * width, {1, 1, 1}, 0.999}, {width, {1, 1, 1}, 0.999}});
-}
-
 const std::vector<Limit> of_gl{
     {"lights", 64, 65, [](Case& c, double x) { c.scene.lights.resize(static_cast<std::size_t>(x)); }},
     {"groups", 16, 17,
@@ -169,191 +135,20 @@ const std::vector<Limit> of_gl{
          make_papers(c);
          c.view.screen_px.largest_ellipsoid_at_unit = x;
      }},
-    {"alike_lit", 990, 1010, [](Case& c, double x) { c.view.overlap.alike = x; }},
-    {"fine_alike_factor", 99, 101,
-     [](Case& c, double x) {
-         c.options.effects = {{"fine_gradient", true}};
-         c.view.overlap.alike = x;
-     }},
-    {"least_alike", 63.5, 64.5,
-     [](Case& c, double x) {
-         c.scene.fields = {ellipsoids(1.0, 1.0, 1.0, 5.0, 19.5)};
-         c.scene.transfer_function = ramp(0.01, 0.01, 19.5);
-         c.view.overlap.alike = x;
-     }},
     {"alike_unlit", 0.99e5, 1.01e5,
      [](Case& c, double x) {
          make_unlit(c);
          c.view.overlap.alike = x;
-     }},
-    {"densest_lit", 1.98e5, 2.02e5, [](Case& c, double x) { c.view.overlap.densest = x; }},
-    // Surfaces at the middle of values that differ by 0.2, which [NM06] counts from 0.
-    {"lit_ratio", 39.5, 40.5,
-     [](Case& c, double x) {
-         c.options.effects = {{"paper_slicing", true}};
-         c.scene.mode = Mode::isosurface;
-         c.scene.fields = {ellipsoids(1.0, 1.0, 1.0, 5.0, 0.2 * x - 0.7)};
-         c.scene.iso_values = {0.2 * x - 0.1};
      }},
     {"full_gradient", 2.02e-4, 1.98e-4,
      [](Case& c, double x) {
          make_unlit(c);
          c.scene.gradient_opacity = x;
      }},
-    {"differences_gentle", 49.5, 50.5,
-     [](Case& c, double x) {
-         make_close(c, 10.0);
-         set_weight_range(c, x);
-     }},
-    {"differences_steep", 693, 707,
-     [](Case& c, double x) {
-         make_close(c, 10.0);
-         c.scene.transfer_function = ramp(20.0, 0.2);
-         set_weight_range(c, x);
-     }},
-    {"derivatives_gentle", 99, 101,
-     [](Case& c, double x) {
-         make_analytic(c);
-         set_weight_range(c, x);
-     }},
-    // Values of 0.5 to 0.7, beside 0.
-    {"nearest_end", 990, 1010,
-     [](Case& c, double x) {
-         make_analytic(c);
-         c.scene.mode = Mode::isosurface;
-         c.scene.fields = {ellipsoids()};
-         c.scene.iso_values = {IsoValue(0.7 - 0.7 / x)};
-     }},
     {"nearest_end_of_surfaces", 0.99e6, 1.01e6,
      [](Case& c, double x) {
          c.scene.mode = Mode::isosurface;
          c.scene.iso_values = {IsoValue(0.7 - 0.7 / x)};
-     }},
-    // The root of 33.5 kernels at a point, times values of 1/2 from their middle, over the semi-axis in reference
-    // lengths.
-    {"noise_of_derivatives", 34.7, 35.3,
-     [](Case& c, double x) {
-         make_quotients(c);
-         make_analytic(c);
-         c.view.screen_px.smallest = 0.5 * std::sqrt(33.5) / x;
-     }},
-    // Values of 0.5 and 0.7, from 0.6.
-    {"noise_of_plateaus_by_differences", 0.1 / 3.96, 0.1 / 4.04, set_narrow_window},
-    // Values of up to 0.7, counted from 0.6.
-    {"narrow_window", 0.7 / 7.9, 0.7 / 8.1,
-     [](Case& c, double x) {
-         make_close(c, 7.0);
-         set_narrow_window(c, x);
-     }},
-    {"noise_of_plateaus_near", 0.1 / 1.98, 0.1 / 2.02,
-     [](Case& c, double x) {
-         make_close(c, 2.0);
-         set_narrow_window(c, x);
-     }},
-    {"noise_of_plateaus_by_kernels", 0.1 / 1.98, 0.1 / 2.02,
-     [](Case& c, double x) {
-         make_analytic(c);
-         set_narrow_window(c, x);
-     }},
-    {"noise_of_plateaus_by_differences_steep", 0.1 / 19.8, 0.1 / 20.2, set_steep_window},
-    {"noise_of_plateaus_by_kernels_steep", 0.1 / 9.9, 0.1 / 10.1,
-     [](Case& c, double x) {
-         make_close(c, 10.0);
-         c.view.screen_px.smallest = 10.0;
-         set_steep_window(c, x);
-     }},
-    {"noise_of_any_values", 0.1 / 9.9, 0.1 / 10.1,
-     [](Case& c, double x) {
-         make_close(c, 100.0);
-         c.view.screen_px.smallest = 10.0;
-         set_window(c, x);
-     }},
-    {"derived_aspect", 63, 65,
-     [](Case& c, double x) {
-         make_analytic(c);
-         c.scene.fields = {ellipsoids()};
-         c.view.shapes.largest_aspect = x;
-     }},
-    {"derivatives_steep", 9900, 10100,
-     [](Case& c, double x) {
-         make_analytic(c);
-         c.scene.transfer_function = ramp(20.0, 0.2);
-         set_weight_range(c, x);
-     }},
-    {"gentle_steepness", 10.1, 9.9,
-     [](Case& c, double x) {
-         make_close(c, 10.0);
-         c.scene.transfer_function = ramp(x, 0.2);
-         set_weight_range(c, 300.0);
-     }},
-    {"gentle_pixels", 101, 99,
-     [](Case& c, double x) {
-         make_close(c, x);
-         set_weight_range(c, 300.0);
-     }},
-    {"differences_under_one_value", 0.1, 0.0, set_window},
-    {"derivatives_under_one_value", 0.1, 0.0,
-     [](Case& c, double x) {
-         make_analytic(c);
-         c.scene.fields = {ellipsoids()};
-         set_window(c, x);
-     }},
-    {"derivatives_of_surfaces_under_one_value", 0.1, 0.0,
-     [](Case& c, double x) {
-         make_surface(c);
-         make_analytic(c);
-         c.scene.fields = {ellipsoids()};
-         set_window(c, x);
-     }},
-    {"isosurface_gentle", 2.97e4, 3.03e4,
-     [](Case& c, double x) {
-         make_surface(c);
-         make_close(c, 10.0);
-         set_weight_range(c, x);
-     }},
-    {"isosurface_steep", 0.99e5, 1.01e5,
-     [](Case& c, double x) {
-         make_surface(c);
-         make_close(c, 150.0);
-         set_weight_range(c, x);
-     }},
-    // 3e4 over the square of 250 reference lengths over 100.
-    {"magnified_isosurface", 4750, 4850,
-     [](Case& c, double x) {
-         make_surface(c);
-         make_close(c, 1000.0);
-         set_weight_range(c, x);
-     }},
-    {"isosurface_of_derivatives", 9.9, 10.1,
-     [](Case& c, double x) {
-         make_surface(c);
-         make_analytic(c);
-         make_close(c, 10.0);
-         set_weight_range(c, x);
-     }},
-    {"by_semi_axis_gentle", 39.6, 40.4,
-     [](Case& c, double x) {
-         make_surface(c);
-         make_analytic(c);
-         make_close(c, 10.0);
-         c.view.screen_px.smallest = 10.0;
-         set_weight_range(c, x);
-     }},
-    {"by_semi_axis_steep", 990, 1010,
-     [](Case& c, double x) {
-         make_surface(c);
-         make_analytic(c);
-         make_close(c, 150.0);
-         c.view.screen_px.smallest = 150.0;
-         set_weight_range(c, x);
-     }},
-    // 25,000 over the root of 1,000 kernels.
-    {"magnified_quotients", 783, 798,
-     [](Case& c, double x) {
-         make_close(c, x);
-         c.view.overlap.densest = 1000.0;
-         c.view.frame.slices = 1000;
-         c.view.screen_px.smallest = 1.0;
      }},
     // Weights of 1.
     {"weights_in_slabs", 1.49e5, 1.51e5,
@@ -470,15 +265,6 @@ TEST(GlChooses, SeparableUpTo) {
     EXPECT_TRUE(one.plan(Backend::gl).separable);
     one.view.screen_px.largest_lattice = 1.01e6;
     EXPECT_FALSE(one.plan(Backend::gl).separable);
-}
-
-TEST(GlRefusesNot, NarrowWindowsOfValuesThatDiffer) {
-    Case one = ellipsoid_case();
-    set_narrow_window(one, 0.02);
-    EXPECT_TRUE(one.refused(Backend::gl));
-    one = ellipsoid_case();
-    set_window(one, 0.02);
-    EXPECT_FALSE(one.refused(Backend::gl));
 }
 
 TEST(GlChooses, CountsFromTheMiddleFrom) {

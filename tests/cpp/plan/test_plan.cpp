@@ -556,52 +556,6 @@ TEST(PlanOfEllipsoids, BoundsValuesByWhatWeightsLeaveOfThem) {
     Scene lit = scene_of({scattered({49.5, 50.0}), scattered({0.5, 0.6}, {}, Normalization::none)});
     lit.lights = {Light{}};
     EXPECT_NO_THROW(plan_of(lit, {}, {}, view)) << "in sheets of their own quotients count from their values' middle";
-    EXPECT_THROW(plan_of(lit, forcing("paper_slicing", true), {}, view, hardware()), Unsupported);
-}
-
-TEST(PlanOfEllipsoids, RefusesLitQuotientsOfNextToNothing) {
-    ViewFacts view = ellipsoid_facts();
-    view.kernels.all = 2;
-    view.screen_px.smallest = 4.0;
-    const auto draw = [&](double w0, bool lit, bool analytic, Mode mode = Mode::composite) {
-        Scene scene = scene_of({scattered({0.5, 0.7}, {}, Normalization::threshold, w0)});
-        scene.lights = lit ? std::vector<Light>{Light{}} : std::vector<Light>{};
-        scene.gradient = analytic ? Gradient::analytic : Gradient::sheets;
-        scene.mode = mode;
-        scene.iso_values = {0.6};
-        static_cast<void>(plan_of(scene, {}, {}, view));
-    };
-    EXPECT_NO_THROW(draw(1e-9, true, false)) << "neighbouring quotients are no splatted differences";
-    view.frame.smallest_pixel = view.frame.largest_pixel = view.frame.reference_length / 10.0;
-    EXPECT_NO_THROW(draw(1.0 / 45.0, true, false));
-    EXPECT_THROW(draw(1e-5, true, false), Unsupported);
-    EXPECT_NO_THROW(draw(1e-9, false, false)) << "not lit";
-    EXPECT_NO_THROW(draw(1e-3, true, false, Mode::isosurface)) << "what is near a surface is no shell of little weight";
-    EXPECT_THROW(draw(1e-6, true, false, Mode::isosurface), Unsupported);
-    EXPECT_NO_THROW(draw(1.0 / 90.0, true, true));
-    EXPECT_THROW(draw(1e-5, true, true), Unsupported);
-    EXPECT_THROW(draw(1e-5, true, true, Mode::isosurface), Unsupported);
-}
-
-TEST(PlanOfEllipsoids, RefusesLitQuotientsThatAreFarMagnified) {
-    ViewFacts view = ellipsoid_facts();
-    Scene scene = scene_of({scattered({0.5, 0.7})});
-    scene.lights = {Light{}};
-    view.kernels.all = 2;
-    view.overlap.densest = 1000.0;
-    view.frame.slices = 1000;
-    view.screen_px.smallest = 1.0;
-    view.frame.smallest_pixel = view.frame.largest_pixel = view.frame.reference_length / 700.0;
-    EXPECT_NO_THROW(plan_of(scene, {}, {}, view));
-    view.frame.smallest_pixel = view.frame.largest_pixel = view.frame.reference_length / 900.0;
-    EXPECT_THROW(plan_of(scene, {}, {}, view), Unsupported);
-    view.screen_px.smallest = 2.0;
-    EXPECT_NO_THROW(plan_of(scene, {}, {}, view)) << "what changes over two pixels";
-    view.screen_px.smallest = 1.0;
-    scene.gradient = Gradient::analytic;
-    EXPECT_THROW(plan_of(scene, {}, {}, view), Unsupported);
-    scene.fields = {scattered({0.6, 0.601})};
-    EXPECT_NO_THROW(plan_of(scene, {}, {}, view)) << "values from their middle";
 }
 
 TEST(PlanOfEllipsoids, RefusesWeightsThatSheetsCannotHold) {

@@ -304,5 +304,21 @@ TEST(PlanOfCpu, ErrorsExpectedFollowTheWeights) {
     EXPECT_NE(plan_of(scene, view).summary.error_budget.front().rmse, usual);
 }
 
+TEST(PlanOfCpu, BoundIsThatOfGentleScenesUpToTheirSteepnessAndMagnification) {
+    Scene scene = lit_scene();
+    ViewFacts view = facts();
+    view.frame.slice_spacing = view.frame.reference_length;
+    view.frame.largest_slant = 1.0;
+    const auto bound = [&](double steepness, double pixels) {
+        scene.transfer_function =
+            TransferFunction({{0.0, {1, 1, 1}, 0.0}, {0.5 / steepness, {1, 1, 1}, 0.5}, {1.0, {1, 1, 1}, 0.5}});
+        view.frame.smallest_pixel = view.frame.reference_length / pixels;
+        return plan_of(scene, view).bound;
+    };
+    EXPECT_EQ(bound(9.9, 99.0), 2e-5);
+    EXPECT_EQ(bound(10.1, 99.0), 1e-4);
+    EXPECT_EQ(bound(9.9, 101.0), 1e-4);
+}
+
 } // namespace
 } // namespace sheetsplat

@@ -14,7 +14,7 @@ from PIL import Image as PillowImage
 
 from sheetsplat import _sheetsplat
 from sheetsplat.compare import compare
-from sheetsplat.image import pixels_of
+from sheetsplat.image import Image, pixels_of
 
 OUT = Path(__file__).resolve().parents[2] / "out" / "python"
 log = logging.getLogger("image_checks")
@@ -39,6 +39,11 @@ class Distance:
     def within(self, bounds: tuple[float, float]) -> bool:
         """Return whether the bounds of RMSE and P99.9 are kept."""
         return self.rmse <= bounds[0] and self.p99_9 <= bounds[1] and self.ambiguous <= MOST_AMBIGUOUS
+
+
+def handed_over(image: Image) -> str:
+    """Return why the processor drew a whole picture for backend gl, which would lose its bound; "" where it did not."""
+    return image.plan.device.partition("for backend gl: ")[2] if image.plan.backend == "cpu" else ""
 
 
 def off_by(actual: ArrayLike, expected: ArrayLike) -> dict[str, float]:

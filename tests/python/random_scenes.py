@@ -5,12 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scattered_scenes import NARROW_WINDOW
 from scene_parts import Parts, frame, pick, quaternions, random_camera, unit
-
-LIT_CLOSE_UP = "a lit close-up of several fields, one of them divided by its own weight"
-# Seeds of ellipsoid scenes that OpenGL may refuse, and why.
-REFUSABLE = {0: NARROW_WINDOW, 38: LIT_CLOSE_UP, 40: LIT_CLOSE_UP}
 
 
 def direction(rng: np.random.Generator) -> tuple[float, ...]:
@@ -147,7 +142,6 @@ def random_ellipsoid_scene(seed: int) -> Parts:
         **random_light(rng),
         "camera": camera,
         "size": tuple(int(n) for n in rng.integers(4, 20, 2)),
-        "refusable": REFUSABLE.get(seed, ""),
     }
 
 

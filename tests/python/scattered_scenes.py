@@ -25,8 +25,6 @@ from scene_parts import (
     unit,
 )
 
-# Why OpenGL may refuse it.
-NARROW_WINDOW = "the transfer function's window is narrow beside the values"
 SCENES: dict[str, Callable[[np.random.Generator], Parts]] = {}
 
 
@@ -188,7 +186,7 @@ def values_with_offset(rng: np.random.Generator) -> Parts:
     field = cloud(rng, 1_500, 12.0, 1.5, w0=1e-3)
     field["values"] = 1_000 + rng.random(1_500)
     transfer = [(1_000 + point[0], *point[1:]) for point in GENTLE]
-    return parts([field], transfer=transfer, refusable=NARROW_WINDOW)
+    return parts([field], transfer=transfer)
 
 
 @scene

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-# fields, transfer, scene, lights, material, camera, size; "refusable": why OpenGL may refuse it, or ""; "groups": the
-# numbers of each group's fields, where `transfer` has one function for each.
+# fields, transfer, scene, lights, material, camera, size; "groups": the numbers of each group's fields,
+# where `transfer` has one function for each.
 Parts = dict[str, Any]
 
 
@@ -187,7 +187,6 @@ def parts(
     transfer: Any = GENTLE,
     lit: bool = True,
     size: tuple[int, int] = SIZE,
-    refusable: str = "",
     **scene: Any,
 ) -> Parts:
     """Return a scene; the distance of slices is 1/12 unless given."""
@@ -200,7 +199,6 @@ def parts(
         "material": MATERIAL,
         "camera": parallel() if camera is None else camera,
         "size": size,
-        "refusable": refusable,
     }
 
 

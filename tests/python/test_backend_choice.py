@@ -1,4 +1,4 @@
-"""Which backend draws a scene that another refuses: `auto` takes it, and errors of a named backend name it."""
+"""Which backend draws a scene that another refuses: `auto` takes it, gl hands it over, or the error names it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from image_checks import FLOAT32, assert_close, handed_over
 
 import sheetsplat as ss
 
@@ -32,12 +33,24 @@ def without_falloff() -> ss.Scene:
 
 
 @pytest.mark.gl
-def test_a_refusal_of_gl_names_cpu() -> None:
-    with pytest.raises(ss.Unsupported, match='backend="cpu", which draws it') as error:
-        ss.Renderer("gl").render(with_lights(80), CAMERA, size=SIZE)
-    assert str(error.value).count("backend=") == 1
-    image = ss.Renderer("cpu").render(with_lights(80), CAMERA, size=SIZE)
-    assert image.plan.backend == "cpu"
+def test_what_gl_cannot_draw_is_drawn_by_the_processor() -> None:
+    image = ss.Renderer("gl").render(with_lights(80), CAMERA, size=SIZE)
+    assert "80 lights" in handed_over(image)
+    expected = ss.Renderer("reference").render(with_lights(80), CAMERA, size=SIZE)
+    assert_close(image, expected, FLOAT32, "80 lights")
+
+
+@pytest.mark.gl
+@pytest.mark.parametrize(
+    "forced", [{"precision": "float32"}, {"packing": "paper"}, {"tagging": "tiles"}, {"effects": {"elimination": True}}]
+)
+def test_forced_ways_of_gl_are_refused(forced: dict[str, Any]) -> None:
+    """With the name of the processor where that has such a way."""
+    with pytest.raises(ss.Unsupported, match="found 80 lights; wanted at most 64") as error:
+        ss.Renderer("gl", **forced).render(with_lights(80), CAMERA, size=SIZE)
+    by_processor = 'backend="cpu", which draws it'
+    assert str(error.value).count("backend=") == str(error.value).count(by_processor)
+    assert (by_processor in str(error.value)) == ("precision" in forced or "tagging" in forced)
 
 
 @pytest.mark.parametrize("backend", ["cpu", pytest.param("gl", marks=pytest.mark.gl)])

@@ -264,7 +264,7 @@ def test_what_has_no_bricks_is_refused(tmp_path):
         ss.Renderer().render(ss.Scene(bricked, LOOK), ss.Camera.fit(bricked))
     snapshot(tmp_path / "a.h5", field)
     snapshot(tmp_path / "b.h5", field, masses=False)
-    with pytest.raises(ss.InvalidInput, match="different kinds"):
+    with pytest.raises(ss.InvalidInput, match="the same kinds of kernels"):
         ss.open_bricks([tmp_path / "a.h5", tmp_path / "b.h5"])
     with pytest.raises(ss.InvalidInput, match="several files"):
         ss.open_bricks([tmp_path / "a.h5", "x.csv"])

@@ -368,7 +368,7 @@ def test_many_covariances_are_factored_block_by_block(rng, monkeypatch):
     with pytest.raises(ss.InvalidInput, match="kernel 17"):
         ss.EllipsoidField.from_covariances(centers, bad, values)
     shapes[16, :, 0] = shapes[16, :, 1]
-    with pytest.raises(ss.InvalidInput, match="kernel 16"):
+    with pytest.raises(ss.InvalidInput, match="frame 16"):
         ss.EllipsoidField.from_frames(centers, shapes, values)
 
 
@@ -423,7 +423,7 @@ def test_frames_need_right_angles():
     frames[3, 0, 1] = 0.0018
     assert ss.EllipsoidField.from_frames(np.zeros((4, 3)), frames, np.ones(4)).size == 4
     frames[3, 0, 1] = 0.0022
-    with pytest.raises(ss.InvalidInput, match=r"(?s)kernel 3.*from_covariances"):
+    with pytest.raises(ss.InvalidInput, match=r"(?s)frame 3.*from_covariances"):
         ss.EllipsoidField.from_frames(np.zeros((4, 3)), frames, np.ones(4))
     frames[1, 0, 0] = np.nan
     with pytest.raises(ss.InvalidInput, match="kernel 1"):

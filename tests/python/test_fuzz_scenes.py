@@ -222,7 +222,6 @@ def scenes(draw: st.DrawFn) -> Parts:
         },
         "camera": camera,
         "size": (draw(st.integers(1, 18)), draw(st.integers(1, 16))),
-        "refusable": "",
         "effects": draw(effects(high - low)) if mode in ("composite", "isosurface") else {},
     }
     if draw(st.integers(1, 4)) == 1 and knobs["preintegration"]:
@@ -487,7 +486,6 @@ def harsh(seed: int) -> Parts:
         "material": scene_parts.MATERIAL,
         "camera": camera,
         "size": (int(rng.integers(1, 18)), int(rng.integers(1, 16))),
-        "refusable": "",
         "effects": {"gradient": "analytic"} if rng.random() < 0.2 else {},
     }
 

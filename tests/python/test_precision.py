@@ -7,7 +7,7 @@ from statistics import median
 
 import numpy as np
 import pytest
-from image_checks import FLOAT16, FLOAT32_HARD, distance
+from image_checks import FLOAT16, FLOAT32_HARD, distance, handed_over
 
 import sheetsplat as ss
 
@@ -168,11 +168,14 @@ def test_beyond_float64_there_is_the_reference_alone() -> None:
 
 
 @pytest.mark.gl
-def test_automatic_falls_to_the_processor_where_opengl_would_lose_the_bound() -> None:
-    """OpenGL sums in 32 bits at most: it refuses, and the plan of "auto" says why the processor draws."""
+def test_where_opengl_would_lose_the_bound_the_processor_draws() -> None:
+    """OpenGL sums in 32 bits at most: the plans of "gl" and "auto" say why; precision="float32" is refused."""
     scene, camera = cancelling(1e7)
+    image = ss.Renderer("gl").render(scene, camera, size=SIZE)
+    assert image.plan.precision == "float64" and "32-bit sheets" in handed_over(image)
+    assert distance(image, ss.Renderer("reference").render(scene, camera, size=SIZE)).within(FLOAT32_HARD)
     with pytest.raises(ss.Unsupported, match="32-bit sheets"):
-        ss.Renderer("gl").render(scene, camera, size=SIZE)
+        ss.Renderer("gl", precision="float32").render(scene, camera, size=SIZE)
     plan = ss.Renderer("auto").plan(scene, camera, size=SIZE)
     assert (plan.backend, plan.precision) == ("cpu", "float64")
     assert "auto: " in plan.device

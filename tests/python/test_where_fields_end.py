@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scene_parts
-from image_checks import FLOAT32, FLOAT32_HARD, distance
+from image_checks import FLOAT32, FLOAT32_HARD, distance, handed_over
 from scene_parts import OPAQUE, Parts, cloud, lift, negate, unit
 from test_groups import cases
 from test_oracle import build_effects
@@ -160,17 +160,20 @@ def test_intervals_that_the_near_plane_opens_know_where_groups_end(
 
 
 @pytest.mark.gl
-def test_what_a_backend_cannot_draw_is_refused_with_each_advice_once(
-    gl_renderer: ss.Renderer, cpu_renderer: ss.Renderer
+def test_what_opengl_cannot_draw_is_drawn_by_the_processor(
+    gl_renderer: ss.Renderer, reference_renderer: ss.Renderer
 ) -> None:
+    """Forced ways are refused, with each advice once."""
     values = noise(9, (4, 4, 4))
     holes = values.copy()
     holes[1:3, 1:3, 1:3] = np.nan
     parts = scene_parts.parts([lattice(holes, 0, nan="skip"), lattice(values, 0)], lit=False, size=(6, 5))
+    image, expected = (drawn(one, parts, ("coverage",)) for one in (gl_renderer, reference_renderer))
+    assert "coverage of fields that add up" in handed_over(image)
+    assert distance(image, expected).within(FLOAT32) and distance(image.coverage, expected.coverage).within(FLOAT32)
     with pytest.raises(ss.Unsupported, match="coverage of fields that add up") as refusal:
-        drawn(gl_renderer, parts, ("coverage",))
+        drawn(ss.Renderer("gl", precision="float32"), parts, ("coverage",))
     assert refusal.value.advice.count("backend=") == 1 and "which draws it" in refusal.value.advice
-    drawn(cpu_renderer, parts, ("coverage",))
 
 
 # Values counted from a base
@@ -222,14 +225,10 @@ def counted_scene(kind: str, way: str) -> Parts:
 
 
 def drawn_twice(parts: Parts, other: Parts, renderer: ss.Renderer) -> tuple[np.ndarray, np.ndarray]:
-    """Return both pictures. What OpenGL refuses it must refuse both times, and the test is skipped."""
-    try:
-        first = drawn(renderer, parts).pixels
-    except ss.Unsupported as error:
-        with pytest.raises(ss.Unsupported):
-            drawn(renderer, other)
-        pytest.skip(f"refused: {error}")
-    return first, drawn(renderer, other).pixels
+    """Return both pictures. What OpenGL hands over it must hand over both times."""
+    first, second = drawn(renderer, parts), drawn(renderer, other)
+    assert bool(handed_over(first)) == bool(handed_over(second))
+    return first.pixels, second.pixels
 
 
 @pytest.mark.parametrize(("way", "kind", "backend"), cases(list(COUNTED), list(KINDS), few_by=FEW_BY))

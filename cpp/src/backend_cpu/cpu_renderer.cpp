@@ -7,7 +7,6 @@
 #include <iterator>
 #include <limits>
 #include <memory>
-#include <mutex>
 #include <new>
 #include <numeric>
 #include <string>
@@ -202,16 +201,22 @@ void copy_picture(const TileShape& shape, const TilePicture<T>& picture, Image& 
     }
 }
 
-void refuse_tile(const Job& job, const TileShape& shape, double error) {
-    if (job.plan->inexact) {
+/// errors: of the drawn tiles.
+void refuse_beyond(const Job& job, const TileLayout& layout, const std::vector<double>& errors) {
+    const double error = picture_error(layout, errors);
+    // (What is no number is beyond every bound.)
+    if (job.plan->inexact || error <= refused_beyond * job.plan->bound) {
         return;
     }
+    const auto worst = std::max_element(errors.begin(), errors.end(),
+                                        [](double a, double b) { return a < b || (std::isnan(b) && !std::isnan(a)); });
+    const TileShape shape = layout.shape(static_cast<std::size_t>(worst - errors.begin()));
     const bool forced = job.plan->precision == Precision::float32 && !job.plan->exact_tiles;
     const auto pixels = [](int first, int count) { return text_of(first) + " to " + text_of(first + count - 1); };
     throw Unsupported(
         Complaint{"the picture cannot be made within its error bound with " +
                       std::string(forced ? "precision float32" : "backend cpu"),
-                  "lit gradients as weak as rounding in columns " + pixels(shape.x, shape.width) + ", rows " +
+                  "lit gradients as weak as rounding, most in columns " + pixels(shape.x, shape.width) + ", rows " +
                       pixels(shape.y, shape.height) + ": an error of about " + text_of(error, 2),
                   "at most " + text_of(job.plan->bound, 2),
                   (forced ? "leave out " + option_ref("precision")
@@ -375,11 +380,35 @@ struct CpuRenderer::State {
         image.stats["seconds_draw"] = seconds_since(start);
     }
 
-    /// record: what is filled in the picture's place; null: the picture is.
+    /// record: what is filled in the picture's place; null: the picture is. In float32 tiles are drawn again whose
+    /// light shows too much of its rounding.
     template <class T>
-    void draw(const Job& job, const TileLayout& layout, const TileFunctions<T>& functions, const SliceRecord* record,
-              Report& tell, Image& image) {
+    void draw(const Job& job, const TileLayout& layout, const SliceRecord* record, Report& tell, Image& image) {
         const auto start = Clock::now();
+        image.stats["kernels_drawn"] = image.stats["sections_drawn"] = image.stats["bytes_device"] = 0.0;
+        const std::vector<double> errors = draw_tiles<T>(job, layout, record, tell, image);
+        std::size_t exact = std::is_same_v<T, float> ? 0 : layout.tiles();
+        if (std::is_same_v<T, float> && job.plan->exact_tiles) {
+            const std::vector<std::uint8_t> again = doubtful_tiles(layout, errors, job.plan->bound);
+            exact = static_cast<std::size_t>(std::count(again.begin(), again.end(), 1));
+            if (exact > 0) {
+                const TileLayout left = layout.only(again);
+                refuse_beyond(job, left, draw_tiles<double>(job, left, record, tell, image));
+            }
+        } else {
+            refuse_beyond(job, layout, errors);
+        }
+        image.stats["tiles_in_float64"] = static_cast<double>(exact);
+        image.stats["tiles"] = static_cast<double>(layout.tiles());
+        image.stats["threads"] = static_cast<double>(pool->threads());
+        image.stats["seconds_draw"] = seconds_since(start);
+    }
+
+    /// Returns the error of each tile, root mean square, as far as light shows the rounding of rho.
+    template <class T>
+    std::vector<double> draw_tiles(const Job& job, const TileLayout& layout, const SliceRecord* record, Report& tell,
+                                   Image& image) {
+        const TileFunctions<T>& functions = *tile_functions<T>(chosen_instruction_set());
         const Shading<T> shading = make_shading<T>(*job.scene, *job.camera, *job.frame, *job.plan, job.volumes);
         LoopSetup<T> setup = make_setup(job, shading);
         setup.record = record;
@@ -388,31 +417,16 @@ struct CpuRenderer::State {
         for (TileScratch<T>& room : rooms) {
             room.sections_drawn = room.kernels_drawn = 0;
         }
-        ExactTiles exact(*this, job, layout, record);
+        std::vector<double> errors(layout.tiles(), 0.0);
         run_tiles(layout, tell, [&](std::size_t tile, std::size_t thread, const std::function<bool()>& between) {
-            const TileShape shape = layout.shape(tile);
-            const double error = draw_tile(job, setup, shape, tile, functions, rooms[thread], between, image);
-            const bool again = std::is_same_v<T, float> && job.plan->exact_tiles;
-            // (What is no number is beyond every bound.)
-            if (!(error <= (again ? drawn_again : refused_tile) * job.plan->bound)) {
-                again ? exact.draw(tile, thread, between, image) : refuse_tile(job, shape, error);
-            }
+            errors[tile] = draw_tile(job, setup, layout.shape(tile), tile, functions, rooms[thread], between, image);
         });
-        image.stats["tiles_in_float64"] =
-            static_cast<double>(std::is_same_v<T, float> ? exact.drawn() : layout.tiles());
-        std::uint64_t kernels = 0, sections = 0;
-        std::size_t bytes = 0;
         for (const TileScratch<T>& room : rooms) {
-            kernels += room.kernels_drawn;
-            sections += room.sections_drawn;
-            bytes += room.bytes();
+            image.stats["kernels_drawn"] += static_cast<double>(room.kernels_drawn);
+            image.stats["sections_drawn"] += static_cast<double>(room.sections_drawn);
+            image.stats["bytes_device"] += static_cast<double>(room.bytes());
         }
-        image.stats["kernels_drawn"] = static_cast<double>(kernels);
-        image.stats["sections_drawn"] = static_cast<double>(sections);
-        image.stats["bytes_device"] = static_cast<double>(bytes);
-        image.stats["tiles"] = static_cast<double>(layout.tiles());
-        image.stats["threads"] = static_cast<double>(pool->threads());
-        image.stats["seconds_draw"] = seconds_since(start);
+        return errors;
     }
 
     /// Returns the error of the tile, root mean square, as far as light shows the rounding of rho.
@@ -480,42 +494,6 @@ struct CpuRenderer::State {
                                   : 0.0;
     }
 
-    /// Tiles that float32 would not keep within the bound, in float64.
-    class ExactTiles {
-      public:
-        ExactTiles(State& state, const Job& job, const TileLayout& layout, const SliceRecord* record)
-            : state_(state), job_(job), layout_(layout), record_(record) {}
-
-        void draw(std::size_t tile, std::size_t thread, const std::function<bool()>& between, Image& image) {
-            std::call_once(made_, [&] {
-                functions_ = tile_functions<double>(chosen_instruction_set());
-                shading_ = make_shading<double>(*job_.scene, *job_.camera, *job_.frame, *job_.plan, job_.volumes);
-                setup_ = make_setup(job_, shading_);
-                setup_.record = record_;
-                state_.scratch_double.resize(static_cast<std::size_t>(state_.pool->threads()));
-            });
-            const TileShape shape = layout_.shape(tile);
-            const double error =
-                state_.draw_tile(job_, setup_, shape, tile, *functions_, state_.scratch_double[thread], between, image);
-            if (!(error <= refused_tile * job_.plan->bound)) {
-                refuse_tile(job_, shape, error);
-            }
-            drawn_.fetch_add(1, std::memory_order_relaxed);
-        }
-        [[nodiscard]] std::size_t drawn() const { return drawn_.load(std::memory_order_relaxed); }
-
-      private:
-        State& state_;
-        const Job& job_;
-        const TileLayout& layout_;
-        const SliceRecord* record_;
-        std::once_flag made_;
-        const TileFunctions<double>* functions_ = nullptr;
-        Shading<double> shading_;
-        LoopSetup<double> setup_;
-        std::atomic<std::size_t> drawn_{0};
-    };
-
     void draw_in(Precision precision, const Job& job, const SliceRecord* record, Report& tell, Image& image) {
         const int threads = job.threads > 0 ? job.threads : usable_threads();
         try {
@@ -536,9 +514,9 @@ struct CpuRenderer::State {
             }
             sort(job, layout, edge, tile_functions<float>(set)->rects, tell, image);
             if (precision == Precision::float64) {
-                draw<double>(job, layout, *tile_functions<double>(set), record, tell, image);
+                draw<double>(job, layout, record, tell, image);
             } else {
-                draw<float>(job, layout, *tile_functions<float>(set), record, tell, image);
+                draw<float>(job, layout, record, tell, image);
             }
         } catch (const std::bad_alloc&) {
             forget();

@@ -290,6 +290,10 @@ struct Slab {
     }
 };
 
+/// Difference of rho between two slices, in the sheets' unit, below which a crossing is ambiguous (conventions, section
+/// 9): its place counts no more.
+constexpr double least_crossed = 1e-4;
+
 /// How much the gradient at a crossing of slices n and n + 1 changes by where an error of rho of 1 moves the crossing;
 /// front, back: minus the gradients there.
 template <class T, class D, class V = hn::Vec<D>>
@@ -298,7 +302,7 @@ HWY_INLINE V moved_gradient(D d, const Slab<T>& slab, const Normal<D>& front, co
     const V between =
         length(d, Normal<D>{hn::Sub(back.x, front.x), hn::Sub(back.y, front.y), hn::Sub(back.z, front.z)});
     const V step = hn::Abs(hn::Sub(slab.rho(d, 2, y, x), slab.rho(d, 1, y, x)));
-    return hn::Div(between, hn::IfThenElse(found, hn::Max(step, hn::Set(d, T(1e-15))), hn::Set(d, T(1))));
+    return hn::Div(between, hn::IfThenElse(found, hn::Max(step, hn::Set(d, T(least_crossed))), hn::Set(d, T(1))));
 }
 
 /// Where an isosurface lies between two slices, as a share of their distance; `found`: lanes in which there is one.

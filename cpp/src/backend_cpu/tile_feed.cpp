@@ -10,6 +10,7 @@
 #include <glm/geometric.hpp>
 
 #include "base/memory.hpp"
+#include "plan/limits_common.hpp"
 
 namespace sheetsplat::backend_cpu {
 
@@ -124,6 +125,12 @@ TileLayout::Axis::Axis(int pixels_in, int largest) : pixels(pixels_in), tiles((p
 
 TileLayout::TileLayout(Size size, int largest, std::vector<std::uint8_t> drawn)
     : across_(size.width, largest), down_(size.height, largest), drawn_(std::move(drawn)) {}
+
+TileLayout TileLayout::only(std::vector<std::uint8_t> drawn) const {
+    TileLayout layout = *this;
+    layout.drawn_ = std::move(drawn);
+    return layout;
+}
 
 TileShape TileLayout::shape(std::size_t tile) const {
     const int column = static_cast<int>(tile % static_cast<std::size_t>(columns()));
@@ -296,6 +303,38 @@ Buckets<std::uint32_t> bucket_kernels(const EllipsoidView& view, const std::vect
             }
         }
     });
+}
+
+double picture_error(const TileLayout& layout, const std::vector<double>& errors) {
+    double squares = 0.0, pixels = 0.0;
+    for (std::size_t tile = 0; tile < errors.size(); ++tile) {
+        if (layout.draws(tile)) {
+            const double own = layout.shape(tile).pixels();
+            squares += own * errors[tile] * errors[tile];
+            pixels += own;
+        }
+    }
+    return pixels > 0.0 ? std::sqrt(squares / pixels) : 0.0;
+}
+
+std::vector<std::uint8_t> doubtful_tiles(const TileLayout& layout, const std::vector<double>& errors, double bound) {
+    std::vector<std::uint8_t> doubtful(errors.size(), 0);
+    std::vector<std::size_t> order;
+    double pixels = 0.0;
+    for (std::size_t tile = 0; tile < errors.size(); ++tile) {
+        if (layout.draws(tile)) {
+            order.push_back(tile);
+            pixels += layout.shape(tile).pixels();
+        }
+    }
+    std::sort(order.begin(), order.end(),
+              [&](std::size_t a, std::size_t b) { return errors[a] < errors[b] || (errors[a] == errors[b] && a < b); });
+    double squares = 0.0;
+    for (const std::size_t tile : order) {
+        squares += layout.shape(tile).pixels() / pixels * errors[tile] * errors[tile];
+        doubtful[tile] = squares <= bound * bound && errors[tile] <= most_of_a_tile * bound ? 0 : 1;
+    }
+    return doubtful;
 }
 
 } // namespace sheetsplat::backend_cpu

@@ -44,22 +44,20 @@ std::vector<EllipsoidView> views_of(const Indexed& indexed, const DrawPlan& plan
 
 Excerpt doubtful_tiles(const DrawPlan& plan, Size size, const std::vector<float>& doubts) {
     const backend_cpu::TileLayout layout(size, backend_cpu::usual_tile);
-    Excerpt excerpt{backend_cpu::usual_tile, std::vector<std::uint8_t>(layout.tiles(), 0)};
+    std::vector<double> errors(layout.tiles(), 0.0);
     for (std::size_t tile = 0; tile < layout.tiles() && !doubts.empty(); ++tile) {
-        double sum = 0.0;
         const backend_cpu::TileShape shape = layout.shape(tile);
+        double sum = 0.0;
         for_each_row(shape, size, [&](std::size_t from, std::size_t count) {
             const auto row = doubts.begin() + static_cast<std::ptrdiff_t>(from);
             sum += std::accumulate(row, row + static_cast<std::ptrdiff_t>(count), 0.0);
         });
-        const double pixels = static_cast<double>(shape.width) * static_cast<double>(shape.height);
-        const double error = plan.lit_rounding * float32_epsilon * std::sqrt(sum / pixels);
-        // (What is no number is beyond every bound.)
-        if (!(error <= drawn_again * plan.bound)) {
-            excerpt.drawn[tile] = 1;
-            excerpt.pixels += pixels;
-            ++excerpt.tiles;
-        }
+        errors[tile] = plan.lit_rounding * float32_epsilon * std::sqrt(sum / shape.pixels());
+    }
+    Excerpt excerpt{backend_cpu::usual_tile, backend_cpu::doubtful_tiles(layout, errors, plan.bound)};
+    for (std::size_t tile = 0; tile < layout.tiles(); ++tile) {
+        excerpt.pixels += excerpt.drawn[tile] != 0 ? layout.shape(tile).pixels() : 0.0;
+        excerpt.tiles += excerpt.drawn[tile];
     }
     return excerpt;
 }

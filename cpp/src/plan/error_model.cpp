@@ -226,9 +226,14 @@ double bound_of(const ViewFacts& view, const SumFacts& sums) {
 
 double lit_rounding(const Scene& scene, const ViewFacts& view, DrawPlan& plan, const SumFacts& sums, bool from_middle) {
     const double falloff = view.shapes.smallest_falloff, steep = std::sqrt(2.0 * steepest_falloff(scene));
-    const double per_px = plan.filter ? 0.0 : steep / view.screen_px.smallest;
-    const double of_sum =
-        rounded_sum * std::sqrt(sums.crowd) / -std::expm1(-falloff) + rounded_place * per_px * std::min(1.0, per_px);
+    // (What is smaller than a pixel is seen at few.)
+    const double per_px = plan.filter ? 0.0 : steep / std::max(view.screen_px.smallest, smallest_placed_px);
+    const LitRounding& of = lights_quotients(plan) ? of_quotients : of_sums;
+    double of_sum = of.sum * std::sqrt(sums.crowd) / -std::expm1(-falloff) + of.place * per_px * std::min(1.0, per_px);
+    if (plan.mode == Mode::isosurface) {
+        // Surfaces of quotients may lie where W is less than w0: there a Gaussian is hardly more than at its end.
+        of_sum += std::exp(-falloff) * sums.weight_range;
+    }
     double rounding = 0.0;
     for (const Group& group : groups_drawn(scene)) {
         double counted = 0.0, whole = 0.0;
@@ -241,7 +246,7 @@ double lit_rounding(const Scene& scene, const ViewFacts& view, DrawPlan& plan, c
             whole += amounts.largest;
         }
         const double unit = plan.unit_of(group.first);
-        rounding = std::max(rounding, (of_sum * counted + rounded_number * whole) / unit);
+        rounding = std::max(rounding, (of_sum * counted + of_number * whole) / unit);
     }
     double lights = 0.0, brightest = 0.0;
     for (const Light& light : scene.lights) {
@@ -255,7 +260,7 @@ double lit_rounding(const Scene& scene, const ViewFacts& view, DrawPlan& plan, c
     }
     const Material& material = scene.material;
     const double turned = std::abs(material.diffuse) * brightest +
-                          2.0 * std::abs(material.specular) * std::sqrt(std::max(1.0, material.shininess));
+                          std::abs(material.specular) * std::sqrt(std::max(1.0, material.shininess));
     // Six values make three differences. A derivative is at most 0.61 sqrt(2k) over the semi-axis times the value.
     const double shortest = std::min(view.frame.smallest_pixel, view.frame.slice_spacing);
     const double axis = view.screen_px.smallest * view.frame.smallest_pixel;

@@ -259,6 +259,14 @@ TEST(GlChooses, ResidentUpTo) {
     EXPECT_FALSE(resident());
 }
 
+TEST(GlChooses, FineGradientsBelow) {
+    for (const auto& [pixel, fine] : {std::pair{0.126, false}, std::pair{0.124, true}}) {
+        Case one = lit_case();
+        one.view.frame.smallest_pixel = pixel * one.view.frame.reference_length;
+        EXPECT_EQ(one.plan(Backend::gl).fine_gradient, fine) << pixel;
+    }
+}
+
 TEST(GlChooses, SeparableUpTo) {
     Case one = lit_case();
     one.view.screen_px.largest_lattice = 0.99e6;

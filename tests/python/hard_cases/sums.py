@@ -11,7 +11,6 @@ import sheetsplat as ss
 
 from .cases import SIZE, Refused, add, case, chance, lattice, shifted
 
-CROWDED = Refused(ss.Unsupported, "ellipsoids (of one size at one place|at a point)")
 RISING = [(0, 0.2, 0.3, 0.4, 0), (2, 1, 0.9, 0.8, 0.4)]
 
 
@@ -51,7 +50,6 @@ for _count in (1, 100, 10_000, 100_000):
             "sums",
             f"{_count:,} kernel{'s' if _count > 1 else ''} at one point, {_look}",
             partial(spot, _count, _lit),
-            but={"gl": CROWDED} if (_lit and _count >= 10_000) or _count >= 100_000 else {},
         )
     if _count > 1:
         add(
@@ -59,7 +57,6 @@ for _count in (1, 100, 10_000, 100_000):
             "sums",
             f"{_count:,} kernels of alternating signs at one point, whose values add up to 1",
             partial(signs, _count),
-            but={"gl": CROWDED} if _count > 10_000 else {},
         )
         add(
             f"cancelled_{_count}",
@@ -84,7 +81,6 @@ for _offset in (300.0, 1e9):
             "sums",
             f"values and transfer function from {_offset:g} to {_offset:g} + 1, {_look}",
             partial(window, _offset, _lit),
-            but={"gl": Refused(ss.Unsupported, "values up to")} if _offset > 1e3 else {},
         )
 
 
@@ -108,7 +104,6 @@ def equal_lattice_lit_from_behind() -> Parts:
 @case(
     "sums",
     "one kernel, two-sided light: the gradient is 0 everywhere",
-    but={"gl": Refused(ss.Unsupported, r"weights of up to 1e\+06 times w0")},
 )
 def gradient_zero() -> Parts:
     one = {"centers": np.zeros((1, 3)), "scales": np.full(1, 50.0), "values": np.ones(1), "w0": 1e-6}

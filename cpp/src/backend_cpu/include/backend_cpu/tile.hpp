@@ -22,6 +22,7 @@ struct TileShape {
     /// are. What stands there in sheets is 0 or harmless, in picture planes it is never read.
     static constexpr int padding = 16;
 
+    [[nodiscard]] double pixels() const { return static_cast<double>(width) * static_cast<double>(height); }
     [[nodiscard]] std::size_t sheet_elements() const {
         return static_cast<std::size_t>(stride) * static_cast<std::size_t>(height + 2) + padding;
     }

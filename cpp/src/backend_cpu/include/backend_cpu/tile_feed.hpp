@@ -30,6 +30,8 @@ class TileLayout {
     [[nodiscard]] TileShape shape(std::size_t tile) const;
     [[nodiscard]] bool draws(std::size_t tile) const { return drawn_.empty() || drawn_[tile] != 0; }
     [[nodiscard]] const std::vector<std::uint8_t>& drawn() const { return drawn_; }
+    /// The same tiles, of which those with a flag are drawn.
+    [[nodiscard]] TileLayout only(std::vector<std::uint8_t> drawn) const;
     /// First pixel of a column or row of tiles; of column columns(): the picture's width.
     [[nodiscard]] int left(int column) const { return across_.begin(column); }
     [[nodiscard]] int top(int row) const { return down_.begin(row); }
@@ -79,6 +81,13 @@ inline TileLayout::Range TileLayout::Axis::between(double low, double high) cons
     }
     return {first_of[static_cast<std::size_t>(first)], last_of[static_cast<std::size_t>(last)]};
 }
+
+/// Root mean square of the errors of the drawn tiles, by their pixels.
+double picture_error(const TileLayout& layout, const std::vector<double>& errors);
+
+/// Flags of the fewest tiles without which the drawn ones keep the bound: their errors together, and, so that no corner
+/// of a picture is much worse, each one a few times the bound.
+std::vector<std::uint8_t> doubtful_tiles(const TileLayout& layout, const std::vector<double>& errors, double bound);
 
 /// Tiles that something reaches into.
 struct TileRect {

@@ -10,17 +10,18 @@ namespace sheetsplat {
 /// Root mean square error that float32 pictures may have (conventions, section 9). Test: CpuFloat32.EndsAt/ratio.
 constexpr double float32_bound = 1e-4;
 /// The same of scenes whose opacities and colours are at most so steep, over a slice and the transfer function's width,
-/// and whose reference length is at most so many pixels.
+/// and whose reference length is at most so many pixels. Test:
+/// PlanOfCpu.BoundIsThatOfGentleScenesUpToTheirSteepnessAndMagnification.
 constexpr double gentle_bound = 2e-5, gentle_steepness = 10.0, gentle_pixels = 100.0;
-/// Estimated error over the bound, of float32 tiles that are drawn again and of tiles that are refused. Estimates were
-/// measured at 3 to 1000 times the error. Test: test_precision_of_tiles.py.
-constexpr double drawn_again = 0.5, refused_tile = 4.0;
+/// Estimated error over the bound: of a tile beside others that have less, and of pictures that are refused. Estimates
+/// were measured at 3 to 1000 times the error. Test: test_precision_of_tiles.py.
+constexpr double most_of_a_tile = 4.0, refused_beyond = 4.0;
 /// Rounding of one number, with what sums of several add.
 constexpr double float32_epsilon = 6e-8;
 constexpr double float64_epsilon = 1.2e-16;
 
 /// Below this share of the reference length a pixel or a slice spacing loses gradients in differences of float32 sums.
-/// Test: CpuFloat32.EndsAt/close_pixels.
+/// Test: GlChooses.FineGradientsBelow.
 constexpr double fine_gradient_below = 1.0 / 8.0;
 /// Slices of a composite in plain float32: errors of 2e-6 were measured at 28,000 slices, 4e-5 at 280,000, 6e-4 at
 /// 1,750,000. Test: CpuFloat32.EndsAt/slices.

@@ -191,7 +191,7 @@ void main() {
 #endif
 #ifdef DOUBT
             add_doubt(doubt, normal_error(normal_gradient, gradient_error(float(c) + share) +
-                                                               moved(gradient[c], gradient[c + 1], rho[c + 1] - rho[c])));
+                                                               moved(gradient[c], gradient[c + 1], normal_gradient, rho[c + 1] - rho[c])));
 #endif
             result = vec4(SEEN(iso_color.rgb, float(c) + share), 1.0);
 #ifdef DEPTH_OUT

@@ -257,7 +257,7 @@ void main() {
             float share = (1.0 - result.a) * iso_colors[next].a;
 #ifdef DOUBT
             add_doubt(doubt, share * normal_error(normal_gradient, gradient_error(float(c) + place) +
-                                                                       moved(gradient[from], gradient[from + 1], rho[from + 1] - rho[from])));
+                                                                       moved(gradient[from], gradient[from + 1], normal_gradient, rho[from + 1] - rho[from])));
 #endif
 #ifdef DEPTH_OUT
             if (result.a < 0.5 && result.a + share >= 0.5) {

@@ -18,7 +18,10 @@ float normal_error(vec3 gradient, float error) {
     return size > 1e-30 ? min(error * min(1.0 / size, 1e15), 1e15) : 0.0;
 }
 
-// Of a surface: it moves too. Where rho changes by less than 1e-4 the crossing is ambiguous (conventions, section 9).
-float moved(vec3 front, vec3 back, float change) { return min(length(back - front) / max(abs(change), 1e-4), 1e15); }
+// Of a surface between two slabs, whose rho differ by `change`: it moves too. Beyond a hundred of its gradient it is ambiguous
+// (conventions, section 9).
+float moved(vec3 front, vec3 back, vec3 gradient, float change) {
+    return min(length(back - front) / max(abs(change), 1e-15), 100.0 * max(length(gradient), weakest_gradient));
+}
 
 void add_doubt(inout float doubt, float shown) { doubt += shown * shown; }

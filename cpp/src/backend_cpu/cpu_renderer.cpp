@@ -398,6 +398,8 @@ struct CpuRenderer::State {
         } else {
             refuse_beyond(job, layout, errors);
         }
+        // Before tiles were drawn again.
+        image.stats["rounding_of_light"] = picture_error(layout, errors);
         image.stats["tiles_in_float64"] = static_cast<double>(exact);
         image.stats["tiles"] = static_cast<double>(layout.tiles());
         image.stats["threads"] = static_cast<double>(pool->threads());

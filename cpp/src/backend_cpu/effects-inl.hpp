@@ -40,10 +40,11 @@ HWY_NOINLINE void find_gradients(const Slab<T>& slab, EffectRow<T>& row, const G
         auto doubt = hn::Set(d, slab.shading.gradient_doubt);
         if constexpr (between) {
             const auto back = of(1);
+            const auto front = against;
+            against = mix(d, front, back, hn::Load(d, row.share + number));
             if (slab.shading.mode == Mode::isosurface) {
-                doubt = hn::Add(doubt, moved_gradient(d, slab, against, back, x, row.y, seen));
+                doubt = hn::Add(doubt, moved_gradient(d, slab, front, back, against, scale.weakest, x, row.y, seen));
             }
-            against = mix(d, against, back, hn::Load(d, row.share + number));
         }
         hn::Store(doubt, d, row.doubt + number);
         hn::Store(against.x, d, row.against_x + number);

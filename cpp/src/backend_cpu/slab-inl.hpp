@@ -290,19 +290,21 @@ struct Slab {
     }
 };
 
-/// Difference of rho between two slices, in the sheets' unit, below which a crossing is ambiguous (conventions, section
-/// 9): its place counts no more.
-constexpr double least_crossed = 1e-4;
+/// Change of a normal, over that of rho, beyond which a crossing is ambiguous (conventions, section 9): a pixel changes
+/// by 1e-3 where rho does by 1e-5.
+constexpr double most_turned = 100.0;
 
 /// How much the gradient at a crossing of slices n and n + 1 changes by where an error of rho of 1 moves the crossing;
-/// front, back: minus the gradients there.
+/// front, back, against: minus the gradients there and at the crossing.
 template <class T, class D, class V = hn::Vec<D>>
-HWY_INLINE V moved_gradient(D d, const Slab<T>& slab, const Normal<D>& front, const Normal<D>& back, int x, int y,
-                            hn::Mask<D> found) {
+HWY_INLINE V moved_gradient(D d, const Slab<T>& slab, const Normal<D>& front, const Normal<D>& back,
+                            const Normal<D>& against, T weakest, int x, int y, hn::Mask<D> found) {
     const V between =
         length(d, Normal<D>{hn::Sub(back.x, front.x), hn::Sub(back.y, front.y), hn::Sub(back.z, front.z)});
     const V step = hn::Abs(hn::Sub(slab.rho(d, 2, y, x), slab.rho(d, 1, y, x)));
-    return hn::Div(between, hn::IfThenElse(found, hn::Max(step, hn::Set(d, T(least_crossed))), hn::Set(d, T(1))));
+    const V size = hn::Max(length(d, against), hn::Set(d, weakest));
+    const V moved = hn::Div(between, hn::IfThenElse(found, hn::Max(step, hn::Set(d, T(1e-15))), hn::Set(d, T(1))));
+    return hn::Min(moved, hn::Mul(size, hn::Set(d, T(most_turned))));
 }
 
 /// Where an isosurface lies between two slices, as a share of their distance; `found`: lanes in which there is one.

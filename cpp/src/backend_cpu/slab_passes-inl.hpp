@@ -164,8 +164,8 @@ HWY_NOINLINE void find_crossings(const Slab<T>& slab) {
                 const auto against = mix(d, front, back, share);
                 V per_size;
                 color = phong<perspective>(d, shading, color, against, scale.weakest, ray, found, per_size);
-                const V moved =
-                    hn::Add(hn::Set(d, shading.gradient_doubt), moved_gradient(d, slab, front, back, x, y, found));
+                const V moved = hn::Add(hn::Set(d, shading.gradient_doubt),
+                                        moved_gradient(d, slab, front, back, against, scale.weakest, x, y, found));
                 slab.doubt(d, hn::IfThenElseZero(found, hn::Set(d, T(1))), slab.over_size(d, moved, per_size));
             }
             slab.put_surface(d, slab.in_plane(y) + x, y, found, share, color);

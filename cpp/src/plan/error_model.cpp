@@ -219,8 +219,9 @@ double ratio_from_pivots(const Scene& scene, const DrawPlan& plan, double resolv
 }
 
 double bound_of(const ViewFacts& view, const SumFacts& sums) {
-    const bool gentle =
-        sums.steepness <= gentle_steepness && view.frame.reference_length <= gentle_pixels * view.frame.smallest_pixel;
+    // (In perspective the law asks for the pixel in the middle: the largest one is on the safe side.)
+    const bool gentle = sums.steepness <= gentle_steepness &&
+                        view.frame.reference_length <= gentle_pixels * view.frame.largest_pixel;
     return gentle ? gentle_bound : float32_bound;
 }
 
@@ -230,10 +231,8 @@ double lit_rounding(const Scene& scene, const ViewFacts& view, DrawPlan& plan, c
     const double per_px = plan.filter ? 0.0 : steep / std::max(view.screen_px.smallest, smallest_placed_px);
     const LitRounding& of = lights_quotients(plan) ? of_quotients : of_sums;
     double of_sum = of.sum * std::sqrt(sums.crowd) / -std::expm1(-falloff) + of.place * per_px * std::min(1.0, per_px);
-    if (plan.mode == Mode::isosurface) {
-        // Surfaces of quotients may lie where W is less than w0: there a Gaussian is hardly more than at its end.
-        of_sum += std::exp(-falloff) * sums.weight_range;
-    }
+    // Where W is less than w0 a Gaussian is hardly more than at its end. Surfaces of quotients may lie there.
+    of_sum += (plan.mode == Mode::isosurface ? 1.0 : of_ends) * std::exp(-falloff) * sums.weight_range;
     double rounding = 0.0;
     for (const Group& group : groups_drawn(scene)) {
         double counted = 0.0, whole = 0.0;
@@ -246,7 +245,7 @@ double lit_rounding(const Scene& scene, const ViewFacts& view, DrawPlan& plan, c
             whole += amounts.largest;
         }
         const double unit = plan.unit_of(group.first);
-        rounding = std::max(rounding, (of_sum * counted + of_number * whole) / unit);
+        rounding = std::max(rounding, (of_sum * counted + of.number * whole) / unit);
     }
     double lights = 0.0, brightest = 0.0;
     for (const Light& light : scene.lights) {

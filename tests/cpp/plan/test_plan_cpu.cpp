@@ -312,7 +312,7 @@ TEST(PlanOfCpu, BoundIsThatOfGentleScenesUpToTheirSteepnessAndMagnification) {
     const auto bound = [&](double steepness, double pixels) {
         scene.transfer_function =
             TransferFunction({{0.0, {1, 1, 1}, 0.0}, {0.5 / steepness, {1, 1, 1}, 0.5}, {1.0, {1, 1, 1}, 0.5}});
-        view.frame.smallest_pixel = view.frame.reference_length / pixels;
+        view.frame.smallest_pixel = view.frame.largest_pixel = view.frame.reference_length / pixels;
         return plan_of(scene, view).bound;
     };
     EXPECT_EQ(bound(9.9, 99.0), 2e-5);

@@ -68,9 +68,7 @@ def test_only_tiles_that_need_it_are_drawn_again(backend: Any) -> None:
 
 def test_threads_and_tiles_leave_no_seam() -> None:
     scene, camera = ball(40.0, "threshold", reference_length=1.0)
-    one, three = (
-        ss.Renderer("cpu", threads=threads).render(scene, camera, size=(260, 260)).rgba for threads in (1, 3)
-    )
+    one, three = (ss.Renderer("cpu", threads=threads).render(scene, camera, size=(260, 260)).rgba for threads in (1, 3))
     assert np.array_equal(one, three)
 
 

@@ -7,9 +7,7 @@ from functools import partial
 import numpy as np
 from scene_parts import GENTLE, MATERIAL, Parts, cloud, parallel, parts
 
-import sheetsplat as ss
-
-from .cases import SIZE, Refused, add, case, chance, lattice, shifted
+from .cases import SIZE, add, case, chance, lattice, shifted
 
 RISING = [(0, 0.2, 0.3, 0.4, 0), (2, 1, 0.9, 0.8, 0.4)]
 

@@ -233,6 +233,8 @@ double lit_rounding(const Scene& scene, const ViewFacts& view, DrawPlan& plan, c
     double of_sum = of.sum * std::sqrt(sums.crowd) / -std::expm1(-falloff) + of.place * per_px * std::min(1.0, per_px);
     // Where W is less than w0 a Gaussian is hardly more than at its end. Surfaces of quotients may lie there.
     of_sum += (plan.mode == Mode::isosurface ? 1.0 : of_ends) * std::exp(-falloff) * sums.weight_range;
+    // Means over slabs are differences, known to the rounding of 1 however small they are.
+    of_sum += scene.sampling == Sampling::slab ? of_slabs * sums.weight_range : 0.0;
     double rounding = 0.0;
     for (const Group& group : groups_drawn(scene)) {
         double counted = 0.0, whole = 0.0;

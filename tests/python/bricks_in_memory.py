@@ -124,6 +124,16 @@ def light_in_bricks(
     return view, light_of(tasks, view, id(tasks), chosen)[0]
 
 
+def one_precision(field: Any, camera: ss.Camera, **options: Any) -> tuple[dict[str, Any], Any]:
+    """Return settings with which a whole and its bricks are drawn in one precision, and that precision.
+
+    By themselves bricks decide which of their tiles need float64.
+    """
+    settings = {"backend": "cpu", "allow_inexact": True}
+    precision = whole_picture(field, camera, (), settings, **options)[1]
+    return {**settings, "precision": precision}, precision
+
+
 def whole_picture(
     field: Any, camera: ss.Camera, outputs: tuple[str, ...], settings: Any, **options: Any
 ) -> tuple[Finished, str]:

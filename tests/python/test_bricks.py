@@ -17,6 +17,7 @@ from bricks_in_memory import (
     differences,
     field_named,
     needles,
+    one_precision,
     whole_picture,
 )
 
@@ -143,10 +144,11 @@ def test_any_number_of_bricks_in_any_view(which: str, count: int) -> None:
             camera = ss.Camera.fit(field, direction=direction, up=(0.1, 1.0, 0.2), kind=kind, margin=0.8)
         spacing = 0.03 if which == "needles" else float(random.uniform(0.4, 1.1))
         options = {**options, "slice_spacing": spacing}
-        wanted, precision = whole_picture(field, camera, (), {"backend": "cpu"}, **options)
+        settings, precision = one_precision(field, camera, **options)
+        wanted, _ = whole_picture(field, camera, (), settings, **options)
         cuts = {1: 64, 2: (64, 64, 15), 7: (64, 64, 4), 64: (5, 6, 7)}[count] if which != "needles" else count
         bricked = Bricked(field, cuts)
-        view = bricked.view(camera, (), {"backend": "cpu", "precision": precision}, **options)
+        view = bricked.view(camera, (), settings, **options)
         seen = differences(drawn(bricked, view), wanted)
         print(which, len(view.partition), kind, options.get("mode"), precision, seen)
         assert max(seen.values()) <= BOUND

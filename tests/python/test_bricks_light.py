@@ -9,7 +9,17 @@ import numpy as np
 import pytest
 from bricked_volumes import ROUNDING, rmse
 from bricked_volumes import SIZE as PICTURE
-from bricks_in_memory import BOUND, LIT, Bricked, camera_of, differences, field_named, light_in_bricks, whole_picture
+from bricks_in_memory import (
+    BOUND,
+    LIT,
+    Bricked,
+    camera_of,
+    differences,
+    field_named,
+    light_in_bricks,
+    one_precision,
+    whole_picture,
+)
 
 import sheetsplat as ss
 from sheetsplat.bricks import light_error
@@ -86,9 +96,9 @@ def test_any_number_of_bricks_in_any_light(which: str, count: int) -> None:
         options = {**options, "slice_spacing": spacing}
         if "ambient_occlusion" in options:
             options["ambient_occlusion"] = around
-        wanted, precision = whole_picture(field, camera, (), {"backend": "cpu"}, **options)
+        settings, precision = one_precision(field, camera, **options)
+        wanted, _ = whole_picture(field, camera, (), settings, **options)
         cuts = {1: 64, 2: (64, 64, 15), 7: (64, 64, 4), 64: (5, 6, 7)}[count] if which != "needles" else count
-        settings = {"backend": "cpu", "precision": precision}
         found, view = drawn(Bricked(field, cuts), camera, settings, **options)
         apart = differences(found, wanted)["rgba"]
         print(which, len(view.partition), kind, options.get("mode"), precision, apart)

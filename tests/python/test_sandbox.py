@@ -30,8 +30,12 @@ def instead(monkeypatch, tmp_path, code):
 
 
 def ended(tmp_path):
-    """Return whether the child is gone."""
-    return not Path(f"/proc/{(tmp_path / 'pid').read_text()}").exists()
+    """Return whether the child is gone, soon."""
+    child = Path(f"/proc/{(tmp_path / 'pid').read_text()}")
+    until = time.monotonic() + 10
+    while child.exists() and time.monotonic() < until:
+        time.sleep(0.05)
+    return not child.exists()
 
 
 def test_a_few_bytes_that_ask_for_all_memory(tmp_path):

@@ -220,8 +220,8 @@ double ratio_from_pivots(const Scene& scene, const DrawPlan& plan, double resolv
 
 double bound_of(const ViewFacts& view, const SumFacts& sums) {
     // (In perspective the law asks for the pixel in the middle: the largest one is on the safe side.)
-    const bool gentle = sums.steepness <= gentle_steepness &&
-                        view.frame.reference_length <= gentle_pixels * view.frame.largest_pixel;
+    const bool gentle =
+        sums.steepness <= gentle_steepness && view.frame.reference_length <= gentle_pixels * view.frame.largest_pixel;
     return gentle ? gentle_bound : float32_bound;
 }
 
@@ -232,9 +232,10 @@ double lit_rounding(const Scene& scene, const ViewFacts& view, DrawPlan& plan, c
     const LitRounding& of = lights_quotients(plan) ? of_quotients : of_sums;
     double of_sum = of.sum * std::sqrt(sums.crowd) / -std::expm1(-falloff) + of.place * per_px * std::min(1.0, per_px);
     // Where W is less than w0 a Gaussian is hardly more than at its end. Surfaces of quotients may lie there.
-    of_sum += (plan.mode == Mode::isosurface ? 1.0 : of_ends) * std::exp(-falloff) * sums.weight_range;
+    const double apart = std::min(sums.weight_range, widest_range);
+    of_sum += (plan.mode == Mode::isosurface ? 1.0 : of_ends) * std::exp(-falloff) * apart;
     // Means over slabs are differences, known to the rounding of 1 however small they are.
-    of_sum += scene.sampling == Sampling::slab ? of_slabs * sums.weight_range : 0.0;
+    of_sum += scene.sampling == Sampling::slab ? of_slabs * apart : 0.0;
     double rounding = 0.0;
     for (const Group& group : groups_drawn(scene)) {
         double counted = 0.0, whole = 0.0;

@@ -15,15 +15,16 @@ constexpr double quotient_noise_16 = 10.0;
 
 // ---- light of gradients, tile by tile (test: test_precision_of_tiles.py)
 
-/// What light shows of the rounding of rho, over that of a number: of a sum of kernels, over the root of how many overlap;
-/// of a place in a tile, in pixels; of rho as it is stored. As errors of 22,000 random pictures had it, with a margin of 3
-/// to 10; of ordinary volumes they are 5 to 50 times as large as the error.
+/// What light shows of the rounding of rho, over that of a number: of a sum of kernels, over the root of how many
+/// overlap; of a place in a tile, in pixels; of rho as it is stored. As errors of 22,000 random pictures had it, with a
+/// margin of 3 to 10; of ordinary volumes they are 5 to 50 times as large as the error.
 struct LitRounding {
     double sum, place, number;
 };
 constexpr LitRounding of_quotients{0.25, 6.0, 0.2}, of_sums{0.2, 0.5, 0.4};
 /// ... of kernels near their ends, of mode composite; of means over slabs: over the largest weight over w0.
-constexpr double of_ends = 0.05, of_slabs = 0.05;
+/// Beyond the widest range float32 has no digits left, and float64 all that are needed.
+constexpr double of_ends = 0.05, of_slabs = 0.05, widest_range = 1e4;
 /// Semi-axis, pixels, below which a kernel's place counts no more.
 constexpr double smallest_placed_px = 0.05;
 

@@ -327,8 +327,11 @@ std::vector<std::uint8_t> doubtful_tiles(const TileLayout& layout, const std::ve
             pixels += layout.shape(tile).pixels();
         }
     }
-    std::sort(order.begin(), order.end(),
-              [&](std::size_t a, std::size_t b) { return errors[a] < errors[b] || (errors[a] == errors[b] && a < b); });
+    // (What is no number is beyond every bound: it comes last.)
+    const auto key = [&](std::size_t tile) {
+        return std::isnan(errors[tile]) ? std::numeric_limits<double>::infinity() : errors[tile];
+    };
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return key(a) < key(b); });
     double squares = 0.0;
     for (const std::size_t tile : order) {
         squares += layout.shape(tile).pixels() / pixels * errors[tile] * errors[tile];

@@ -206,10 +206,11 @@ def draw(parts: Parts, backend: str, outputs: Any) -> ss.Image:
     return ss.Renderer(backend, threads=1).render(scene, camera, size=size, outputs=outputs)  # type: ignore[arg-type]
 
 
-def fault(parts: Parts, backend: str) -> str:
+def fault(parts: Parts, backend: str, outputs: tuple[str, ...] | None = None) -> str:
     """Return how a backend's picture breaks section 9, or "". Throws ss.Error where the scene is refused."""
-    # Coverage is compared on the processor; on OpenGL it has tests of its own.
-    outputs = ("coverage",) if backend == "cpu" else ()
+    if outputs is None:
+        # Coverage is compared on the processor; on OpenGL it has tests of its own.
+        outputs = ("coverage",) if backend == "cpu" else ()
     expected, image = draw(parts, "reference", outputs), draw(parts, backend, outputs)
     found = np.array(image.pixels)
     # (NaN: no slice counts; a pixel where that is so in one picture alone is infinitely far off.)

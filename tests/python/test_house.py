@@ -169,7 +169,6 @@ def test_nothing_is_decided_by_the_text_of_an_error():
 
 
 TABLES = (
-    "cpp/src/plan/limits_cpu.hpp",
     "cpp/src/plan/limits_errors.hpp",
     "cpp/src/plan/include/plan/limits_common.hpp",
     "cpp/src/plan/include/plan/limits_gl.hpp",
@@ -208,13 +207,13 @@ def named_tests(comment: str) -> list[str]:
 
 @cache
 def cases() -> dict[str, set[str]]:
-    """Return the C++ tests, and the names of the cases of those in test_limits_*.cpp."""
+    """Return the C++ tests, and the names of the cases of those in test_limits*.cpp."""
     found: dict[str, set[str]] = {}
     for path in (CLONE / "tests/cpp").rglob("*.cpp"):
         text = path.read_text(encoding="utf-8")
         for suite, name in re.findall(r"^TEST(?:_F|_P)?\((\w+), (\w+)\)", text, re.MULTILINE):
             found.setdefault(f"{suite}.{name}", set())
-    text = "".join(path.read_text(encoding="utf-8") for path in (CLONE / "tests/cpp/plan").glob("test_limits_*.cpp"))
+    text = "".join(path.read_text(encoding="utf-8") for path in (CLONE / "tests/cpp/plan").glob("test_limits*.cpp"))
     for suite, table in re.findall(r"SUITE_P\(Limits, (\w+), testing::ValuesIn\((\w+)\)", text):
         rows = text.split(f"std::vector<Limit> {table}{{")[1].split("\n};")[0]
         for name in found:

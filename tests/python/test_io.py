@@ -636,11 +636,16 @@ def test_ctrl_c_stops_readers_at_once(tmp_path, rng):
     files["chunks.h5"] = hdf5_of_one_chunk(tmp_path / "chunks.h5", rng.integers(0, 4, (90, 90, 90), dtype=np.uint8), 10)
     # In a process of its own: an interrupt that comes too late must not reach another test.
     pairs = [str(path) for name in files for path in (_first_use(tmp_path, name), tmp_path / name)]
-    done = subprocess.run([sys.executable, "-c", INTERRUPTED, *pairs], capture_output=True, text=True, timeout=240)
-    late = dict(line.split() for line in done.stdout.splitlines())
-    assert late.keys() == files.keys(), done.stdout + done.stderr
-    # Processor time: the machine may be busy.
-    assert all(float(seconds) < 0.15 for seconds in late.values()), late
+    late = dict.fromkeys(files, np.inf)
+    for _ in range(3):
+        done = subprocess.run([sys.executable, "-c", INTERRUPTED, *pairs], capture_output=True, text=True, timeout=240)
+        found = dict(line.split() for line in done.stdout.splitlines())
+        assert found.keys() == files.keys(), done.stdout + done.stderr
+        # Processor time, the least of up to three: the machine may be busy.
+        late = {name: min(seconds, float(found[name])) for name, seconds in late.items()}
+        if max(late.values()) < 0.15:
+            break
+    assert max(late.values()) < 0.15, late
 
 
 INTERRUPTED = """

@@ -172,9 +172,9 @@ def test_where_opengl_would_lose_the_bound_the_processor_draws() -> None:
     """OpenGL sums in 32 bits at most: the plans of "gl" and "auto" say why; precision="float32" is refused."""
     scene, camera = cancelling(1e7)
     image = ss.Renderer("gl").render(scene, camera, size=SIZE)
-    assert image.plan.precision == "float64" and "32-bit sheets" in handed_over(image)
+    assert image.plan.precision == "float64" and "the transfer function distinguishes" in handed_over(image)
     assert distance(image, ss.Renderer("reference").render(scene, camera, size=SIZE)).within(FLOAT32_HARD)
-    with pytest.raises(ss.Unsupported, match="32-bit sheets"):
+    with pytest.raises(ss.Unsupported, match="the transfer function distinguishes"):
         ss.Renderer("gl", precision="float32").render(scene, camera, size=SIZE)
     plan = ss.Renderer("auto").plan(scene, camera, size=SIZE)
     assert (plan.backend, plan.precision) == ("cpu", "float64")

@@ -42,11 +42,6 @@ double lit_rounding(const Scene& scene, const ViewFacts& view, DrawPlan& plan, c
 /// means are differences, known to the rounding of 1 however small they are.
 double weights_in_slabs(Sampling sampling, const SumFacts& sums);
 
-/// Largest value over the distance of an iso value from the nearest end of the values, up to which float32 knows the
-/// surface: rounding takes a region of one value across an iso value that it does not reach. Seen at 1e8, and not at
-/// 1e7. Tests: CpuFloat32.EndsAt/nearest_end_of_surfaces, GlRefuses.Beyond/nearest_end_of_surfaces.
-constexpr double farthest_surface = 1e6;
-
 /// Whether the cubic of second order shows something between two ends that are 0.
 bool shows_between_zeros(const Scene& scene, const SumFacts& sums, const DrawPlan& plan);
 

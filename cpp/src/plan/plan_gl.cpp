@@ -42,20 +42,13 @@ const char* why_tagged(Tagging tagging) {
 void plan_sheets(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
                  const Capabilities& capabilities, Effects& effects, DrawPlan& plan) {
     const bool groups = groups_drawn(scene).size() > 1;
-    // In sheets of their own, quotients and their derivatives are taken before slabs are shaded, and values far from 0,
-    // over the window or over what they differ by, are counted from their middle, which keeps the digits that
-    // differences need: but where sums come to less than that, as of weights far below w0. Shading divides by one w0 at
-    // most.
-    const auto is_far_off = [&](const SumFacts& sums) {
-        const double differing = ratio_from_pivots(scene, plan, sums.resolved);
-        const bool alike =
-            sums.ratio > plain_lit_change * differing && (sums.crowd > plain_lit_crowd || differing > 0.0);
-        const double most = plan.mode == Mode::isosurface ? largest_plain_surface_ratio : largest_plain_lit_ratio;
-        return (sums.ratio > most && sums.ratio >= differing) || alike;
-    };
-    const bool far_off = lights_quotients(plan) && !plan.fine_gradient && !effects.forced_on(EffectId::paper_slicing) &&
-                         is_far_off(sum_facts(scene, view, plan));
-    divide_apart(scene, outputs, effects, plan, plan.analytic_gradient || far_off || groups);
+    // In sheets of their own, quotients and their derivatives are taken before slabs are shaded, and values are counted
+    // from their middle, which keeps the digits that differences need: but where they come to less from 0, as of
+    // weights far below w0. Shading divides by one w0 at most.
+    const bool lit = lights_quotients(plan) && !plan.fine_gradient && !effects.forced_on(EffectId::paper_slicing);
+    const SumFacts sums = lit ? sum_facts(scene, view, plan) : SumFacts{};
+    const bool counted = lit && ratio_from_pivots(scene, plan, sums.resolved) <= sums.ratio;
+    divide_apart(scene, outputs, effects, plan, counted || plan.analytic_gradient || groups);
     if (plan.fine_gradient && !plan.own_sheets.empty()) {
         throw Unsupported(
             Complaint{"the scene cannot be drawn with backend gl",
@@ -108,14 +101,14 @@ void plan_skipping(const Scene& scene, const ViewFacts& view, const Outputs& out
 }
 
 /// [NM06] step by step.
-void plan_paper_slicing(const Scene& scene, const ViewFacts& view, const RendererOptions& options,
-                        const Capabilities& capabilities, Effects& effects, DrawPlan& plan) {
+void plan_paper_slicing(const Scene& scene, const ViewFacts& view, const RendererOptions& options, Effects& effects,
+                        DrawPlan& plan) {
     plan.paper_slicing =
         effects.decide(EffectId::paper_slicing, false, "not asked for: it draws the same picture, for comparison");
     if (!plan.paper_slicing) {
         return;
     }
-    check_paper_slicing(scene, view, options, effects, plan, capabilities.at_least(4, 0));
+    check_paper_slicing(view, options, effects, plan);
     double falloff = 8.0;
     for (const auto& field : scene.fields) {
         falloff = as_ellipsoids(field.get()) != nullptr ? std::max(falloff, field->kernel().falloff) : falloff;
@@ -242,7 +235,7 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
                                     "auto, uint8, float16 or float32", "", "precision"});
     }
     plan_skipping(scene, view, outputs, capabilities, calls, effects, plan);
-    plan_paper_slicing(scene, view, options, capabilities, effects, plan);
+    plan_paper_slicing(scene, view, options, effects, plan);
     plan_sections(scene, view, capabilities, calls, effects, plan);
     const bool many = view.frame.slices > most_plain_slices && is_composited(scene.mode);
     plan.compensated = effects.decide(EffectId::compensation, many,
@@ -252,11 +245,9 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
                        is_composited(scene.mode);
     plan.read_image = plan.compensated || plan.stop || scene.mode == Mode::isosurface || is_scalar(scene.mode) ||
                       plan.depth || plan.coverage;
-    check_parts(scene, plan);
-    check_lights(scene, capabilities, plan);
+    check_coverage(scene, plan);
     if (!options.allow_inexact) {
         effects.refuse_dropped();
-        check_kernels(scene, view, capabilities, plan);
     }
     plan_precision(scene, view, options, capabilities, effects, plan);
     if (plan.lit && plan.precision == Precision::float32 && !options.allow_inexact) {

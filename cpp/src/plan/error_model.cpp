@@ -321,9 +321,7 @@ void expect_errors(const ViewFacts& view, const SumFacts& sums, double noise, Dr
         const bool splatted = plan.fine_gradient || plan.analytic_gradient;
         const double magnified = splatted ? 1.0 : std::max(1.0, view.frame.reference_length / nearest);
         const bool few_bits = plan.precision == Precision::float16 || plan.precision == Precision::uint8;
-        const double turned = !few_bits                ? gradient_noise
-                              : lights_quotients(plan) ? quotient_noise_16
-                                                       : gradient_noise_16;
+        const double turned = !few_bits ? 1.0 : lights_quotients(plan) ? quotient_noise_16 : gradient_noise_16;
         const double rounding = sum_noise(plan.precision, false, sums.crowd);
         budget.push_back(
             {"gradients" + in, std::min(rounding * times * turned * magnified, 1.0), name_of(EffectId::gradient)});
@@ -340,7 +338,7 @@ void expect_light_errors(const Scene& scene, const ViewFacts& view, double opaci
         -std::expm1(std::log1p(-std::min(opacity, largest_absorbed)) * length / view.frame.reference_length);
     double brightest = 0.0;
     // Grids follow what changes over several steps.
-    double steepness = 0.0;
+    bool gentle = !plan.filter && view.screen_px.smallest * view.frame.largest_pixel >= 2.0 * length;
     const bool surface = scene.mode == Mode::isosurface;
     std::size_t number = 0;
     for (const Group& group : scene.groups()) {
@@ -356,14 +354,9 @@ void expect_light_errors(const Scene& scene, const ViewFacts& view, double opaci
         }
         const double steps =
             function.steepest() * plan.unit_of(group.first) * view.frame.slice_spacing / view.frame.reference_length;
-        const double own = function.has_steps() ? most_of_steps : std::clamp(steps / gentle_steps, 1.0, most_of_steps);
-        steepness = std::max(steepness, own * (function.transparent_over(0.0, 0.0) ? 1.0 : hardness_of_borders));
+        gentle = gentle && !function.has_steps() && steps <= 4.0 && function.transparent_over(0.0, 0.0);
     }
-    const double radius = view.screen_px.smallest * view.frame.largest_pixel;
-    double hardness = std::max(1.0, std::pow(resolved_radius * length / radius, hardness_of_thin));
-    hardness *= steepness;
-    // Their volumes widen kernels across and along the light.
-    hardness *= plan.filter ? hardness_of_filter : 1.0;
+    const double hardness = gentle ? 1.0 : hard;
     auto& budget = plan.summary.error_budget;
     const auto add_share = [&](const char* cause, double error, double whole, const char* effect) {
         budget.push_back({cause, std::min(error * taken * hardness, most_of_whole) * whole, effect});
@@ -379,7 +372,7 @@ void expect_light_errors(const Scene& scene, const ViewFacts& view, double opaci
     }
     if (plan.ambient_occlusion) {
         const double share = plan.lit || plan.ambient_only ? std::abs(scene.material.ambient) : 1.0;
-        const double far = std::clamp(scene.ambient_occlusion->radius / (near_steps * length), 1.0, most_of_far);
+        const double far = scene.ambient_occlusion->radius > hard * length ? hard : 1.0;
         add_share("occlusion from a volume", occlusion_error * far,
                   share * brightest * scene.ambient_occlusion->strength, name_of(EffectId::ambient_occlusion));
     }

@@ -7,9 +7,8 @@ namespace sheetsplat::error_limits {
 
 /// Rounding of a sum that grows from 0 to its size: a third of the last step's in theory, seen at up to a half.
 constexpr double rounded_sum = 0.6;
-/// Noise of gradients over that of sums, where a pixel is a reference length.
-constexpr double gradient_noise = 1.0;
-/// The same in 16 bits, where noise exceeds weak gradients and turns normals, most where quotients hardly change.
+/// Noise of gradients over that of sums, in 16 bits, where noise exceeds weak gradients and turns normals, most where
+/// quotients hardly change.
 constexpr double gradient_noise_16 = 2.0;
 constexpr double quotient_noise_16 = 10.0;
 
@@ -30,17 +29,12 @@ constexpr double smallest_placed_px = 0.05;
 
 // ---- light looked up in volumes (test: test_shadows_and_occlusion_within_the_stated_error)
 
-/// Root mean square error over what a step takes away, where the smallest kernels reach over two steps of the grid and
-/// the transfer function is not steep and shows nothing at 0: seen were at most 0.004 and 0.008 (of the ambient share).
-constexpr double shadow_error = 0.01;
-constexpr double occlusion_error = 0.025;
-/// In other scenes errors were seen to grow: with the step over the kernel to the power of 1.5; up to 7 times by steps
-/// of the transfer function, 4 times by kernels that end with a jump, 4 times by the filter, 5 times by radii of
-/// ambient occlusion beyond some steps.
-constexpr double resolved_radius = 2.0, hardness_of_thin = 1.5;
-constexpr double gentle_steps = 4.0, most_of_steps = 8.0;
-constexpr double hardness_of_borders = 5.0, hardness_of_filter = 4.0;
-constexpr double near_steps = 8.0, most_of_far = 5.0;
+/// Root mean square error over what a step takes away, of shadows and of ambient occlusion: seen were at most 0.004 and
+/// 0.008. `hard` times as much where light follows what changes within a step or two: kernels, steps of the transfer
+/// function, kernels that end with a jump or that a filter widens, radii of ambient occlusion. The renderer measures
+/// the error of the pictures that it makes.
+constexpr double shadow_error = 0.01, occlusion_error = 0.025;
+constexpr double hard = 8.0;
 /// Root mean square over a picture, of all that shadows do.
 constexpr double most_of_whole = 0.3;
 

@@ -138,7 +138,7 @@ INSTANTIATE_TEST_SUITE_P(
         Refusal{"falloff",
                 [](Scene& s) { s.fields = {cloud(20, 0.2, 5.0, 5, normalized(Normalization::none, 1.0, 33.0))}; },
                 "a falloff of 33"},
-        Refusal{"needles", [](Scene& s) { s.fields = {cloud(20, 0.2, 1e4)}; }, "kernels of 1:"},
+        Refusal{"needles", [](Scene& s) { s.fields = {cloud(20, 0.2, 1e4)}; }, "ellipsoids of 1:"},
         Refusal{"small kernels",
                 [](Scene& s) {
                     s.fields = {cloud(20, 2e-4, 1.0)};

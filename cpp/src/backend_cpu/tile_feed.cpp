@@ -340,4 +340,12 @@ std::vector<std::uint8_t> doubtful_tiles(const TileLayout& layout, const std::ve
     return doubtful;
 }
 
+double error_of_extremes(const DrawPlan& plan, const std::vector<float>& shown, double epsilon) {
+    double largest = 1.0;
+    for (const float number : shown) {
+        largest = std::isfinite(number) ? std::max(largest, std::abs(static_cast<double>(number))) : largest;
+    }
+    return plan.extremes_rounding * epsilon / largest;
+}
+
 } // namespace sheetsplat::backend_cpu

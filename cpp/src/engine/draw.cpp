@@ -42,9 +42,9 @@ std::vector<EllipsoidView> views_of(const Indexed& indexed, const DrawPlan& plan
     return views;
 }
 
-Excerpt doubtful_tiles(const DrawPlan& plan, Size size, const std::vector<float>& doubts) {
+Excerpt doubtful_tiles(const DrawPlan& plan, Size size, const std::vector<float>& doubts, const Image& image) {
     const backend_cpu::TileLayout layout(size, backend_cpu::usual_tile);
-    std::vector<double> errors(layout.tiles(), 0.0);
+    std::vector<double> errors(layout.tiles(), backend_cpu::error_of_extremes(plan, image.scalar, float32_epsilon));
     for (std::size_t tile = 0; tile < layout.tiles() && !doubts.empty(); ++tile) {
         const backend_cpu::TileShape shape = layout.shape(tile);
         double sum = 0.0;
@@ -52,7 +52,7 @@ Excerpt doubtful_tiles(const DrawPlan& plan, Size size, const std::vector<float>
             const auto row = doubts.begin() + static_cast<std::ptrdiff_t>(from);
             sum += std::accumulate(row, row + static_cast<std::ptrdiff_t>(count), 0.0);
         });
-        errors[tile] = plan.lit_rounding * float32_epsilon * std::sqrt(sum / shape.pixels());
+        errors[tile] += plan.lit_rounding * float32_epsilon * std::sqrt(sum / shape.pixels());
     }
     Excerpt excerpt{backend_cpu::usual_tile, backend_cpu::doubtful_tiles(layout, errors, plan.bound)};
     for (std::size_t tile = 0; tile < layout.tiles(); ++tile) {
@@ -77,6 +77,7 @@ void copy_tiles(const Image& from, const Excerpt& excerpt, Size size, Image& to)
                 }
             };
             copy(from.rgba, to.rgba, 4);
+            copy(from.scalar, to.scalar, 1);
             copy(from.coverage, to.coverage, 1);
             copy(from.depth, to.depth, 1);
         });

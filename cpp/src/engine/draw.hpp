@@ -30,8 +30,8 @@ struct Excerpt {
 };
 
 /// The tiles whose light shows more of float32's rounding than the plan's bound allows. doubts: of each pixel
-/// (backend_gl::Job), empty: of none.
-Excerpt doubtful_tiles(const DrawPlan& plan, Size size, const std::vector<float>& doubts);
+/// (backend_gl::Job), empty: of none. image: what was drawn; of modes mip and minimum all tiles or none.
+Excerpt doubtful_tiles(const DrawPlan& plan, Size size, const std::vector<float>& doubts, const Image& image);
 /// Copies the tiles that were drawn from a picture of the same scene.
 void copy_tiles(const Image& from, const Excerpt& excerpt, Size size, Image& to);
 

@@ -247,7 +247,7 @@ void Renderer::State::draw(const Request& asked, const Prepared& prepared, const
 void Renderer::State::draw_doubtful(const Request& asked, const Prepared& prepared, const std::vector<float>& doubts,
                                     Image& image) {
     const DrawPlan& plan = prepared.plan;
-    Excerpt excerpt = doubtful_tiles(plan, asked.size, doubts);
+    Excerpt excerpt = doubtful_tiles(plan, asked.size, doubts, image);
     image.stats["tiles_in_float64"] = static_cast<double>(excerpt.tiles);
     if (excerpt.tiles == 0) {
         return;
@@ -258,8 +258,10 @@ void Renderer::State::draw_doubtful(const Request& asked, const Prepared& prepar
     options.tagging = Tagging::automatic;
     options.precision = Precision::automatic;
     options.effects.clear();
-    const Image exact =
-        render({asked.scene, asked.camera, asked.size, asked.outputs, asked.progress, options, &excerpt}, nullptr);
+    const Request again{asked.scene, asked.camera, asked.size, asked.outputs, asked.progress, options, &excerpt};
+    const Prepared by_cpu = prepare(again);
+    Image exact;
+    draw(again, by_cpu, by_cpu.frame, exact);
     copy_tiles(exact, excerpt, asked.size, image);
 }
 

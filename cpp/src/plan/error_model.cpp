@@ -272,6 +272,10 @@ double lit_rounding(const Scene& scene, const ViewFacts& view, DrawPlan& plan, c
     return rounding * lights * turned;
 }
 
+double extremes_rounding(Mode mode, const SumFacts& sums) {
+    return mode == Mode::mip || mode == Mode::minimum ? rounded_sum * std::sqrt(sums.crowd) * sums.largest : 0.0;
+}
+
 double weights_in_slabs(Sampling sampling, const SumFacts& sums) {
     return sampling == Sampling::slab ? sums.weight_range * std::max(1.0, sums.ratio) : 0.0;
 }

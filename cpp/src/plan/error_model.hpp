@@ -38,6 +38,9 @@ double bound_of(const ViewFacts& view, const SumFacts& sums);
 /// DrawPlan::gradient_doubt. from_middle: values of fields that are divided are counted from their middle.
 double lit_rounding(const Scene& scene, const ViewFacts& view, DrawPlan& plan, const SumFacts& sums, bool from_middle);
 
+/// DrawPlan::extremes_rounding.
+double extremes_rounding(Mode mode, const SumFacts& sums);
+
 /// Largest weight over w0, times values over what is resolved, where means over slabs are divided; 0 elsewhere. The
 /// means are differences, known to the rounding of 1 however small they are.
 double weights_in_slabs(Sampling sampling, const SumFacts& sums);

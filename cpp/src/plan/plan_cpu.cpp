@@ -163,6 +163,7 @@ void plan_cpu(const Scene& scene, const ViewFacts& view, const RendererOptions& 
     plan.precision = asked || (!kept && !why.empty()) ? Precision::float64 : Precision::float32;
     plan.bound = bound_of(view, sums);
     plan.lit_rounding = plan.lit ? lit_rounding(scene, view, plan, sums, true) : 0.0;
+    plan.extremes_rounding = extremes_rounding(plan.mode, sums);
     plan.inexact = options.allow_inexact;
     plan.exact_tiles = plan.precision == Precision::float32 && !kept;
     effects.state(EffectId::float64, plan.precision == Precision::float64,

@@ -250,10 +250,11 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
         effects.refuse_dropped();
     }
     plan_precision(scene, view, options, capabilities, effects, plan);
-    if (plan.lit && plan.precision == Precision::float32 && !options.allow_inexact) {
+    if (plan.precision == Precision::float32 && !options.allow_inexact) {
         const SumFacts sums = sum_facts(scene, view, plan);
         plan.bound = bound_of(view, sums);
-        plan.lit_rounding = lit_rounding(scene, view, plan, sums, counts_from_pivots(plan));
+        plan.lit_rounding = plan.lit ? lit_rounding(scene, view, plan, sums, counts_from_pivots(plan)) : 0.0;
+        plan.extremes_rounding = extremes_rounding(plan.mode, sums);
     }
 
     RenderPlan& summary = plan.summary;

@@ -11,6 +11,7 @@
 #include "backend_cpu/tile.hpp"
 #include "base/threads.hpp"
 #include "index/visible_runs.hpp"
+#include "plan/make_plan.hpp"
 #include "view/ellipsoid_view.hpp"
 #include "view/field_view.hpp"
 
@@ -83,6 +84,9 @@ inline TileLayout::Range TileLayout::Axis::between(double low, double high) cons
 }
 
 /// Root mean square of the errors of the drawn tiles, by their pixels.
+/// Error of the numbers of modes mip and minimum over the largest that is shown, which is known once they are drawn.
+double error_of_extremes(const DrawPlan& plan, const std::vector<float>& shown, double epsilon);
+
 double picture_error(const TileLayout& layout, const std::vector<double>& errors);
 
 /// Flags of the fewest tiles without which the drawn ones keep the bound: their errors together, and, so that no corner

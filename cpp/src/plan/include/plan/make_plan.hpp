@@ -57,6 +57,9 @@ struct DrawPlan {
     double bound = 1e-4;
     /// Of lit pictures: error of a tile over its doubt (backend_cpu, Slab::doubt) and over the rounding of a number.
     double lit_rounding = 0.0;
+    /// Modes mip and minimum: error of a shown number over the rounding of a number. What is shown may be small beside
+    /// the sums that it was found among.
+    double extremes_rounding = 0.0;
     double gradient_doubt = 1.0; ///< error of a slab's gradient, as it is scaled, over that of rho
     bool exact_tiles = false;    ///< tiles beyond the bound are drawn again in float64; else the picture is refused
     bool inexact = false;        ///< nothing is refused

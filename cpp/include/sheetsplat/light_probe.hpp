@@ -1,5 +1,5 @@
 // How far light in the picture of a whole that is drawn in parts is from its definition: what parts say of it, in two
-// rounds, where one process looks along whole lines (engine/light_error.hpp). Source: conventions, sections 10 and 11.
+// rounds, where one process looks along whole lines (light/light_error.hpp). Source: conventions, sections 10 and 11.
 #pragma once
 
 #include <array>

@@ -5,11 +5,11 @@
 #include <utility>
 
 #include "backend_cpu/tile_feed.hpp"
+#include "base/spread.hpp"
 #include "coarse_view.hpp"
 #include "error_estimate.hpp"
 #include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
-#include "spread.hpp"
 
 namespace sheetsplat {
 

@@ -1,6 +1,6 @@
 """How far light in a picture in bricks is from its definition: measured at points that the picture shows.
 
-The same measurement as that of one process (``cpp/src/engine/light_error.cpp``), in two rounds over the bricks: lines
+The same measurement as that of one process (``cpp/src/light/light_error.cpp``), in two rounds over the bricks: lines
 from points to the lights leave the brick that the points are in. Each brick says what it shows at some pixels; from
 these points are chosen; then each brick says what it leaves of light on its part of the lines from them.
 """

@@ -1,4 +1,4 @@
-#include "light_at_points.hpp"
+#include "at_points.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 #include <glm/common.hpp>
 #include <glm/vector_relational.hpp>
 
-#include "light_grids.hpp"
+#include "light/grids.hpp"
 #include "reference/classify.hpp"
 
 namespace sheetsplat {
@@ -46,10 +46,10 @@ Box cell_of(const Scene& scene) {
 
 } // namespace
 
-LightAtPoints::LightAtPoints(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
-                             const LightVolume* absorption, const BlocksOf& blocks, const ClearOf& clear,
+LightAtPoints::LightAtPoints(const LitView& lit, const LightVolumes& volumes, const LightVolume* absorption,
+                             const BlocksOf& blocks, const ClearOf& clear,
                              std::vector<std::shared_ptr<const PointValues>> values)
-    : scene_(request.scene), camera_(request.camera), frame_(prepared.frame), plan_(prepared.plan), volumes_(volumes),
+    : scene_(lit.scene), camera_(lit.camera), frame_(lit.frame), plan_(lit.plan), volumes_(volumes),
       values_(std::move(values)), surfaces_(!volumes.groups.empty()), groups_(scene_.groups()),
       clipping_(scene_, camera_), cell_(cell_of(scene_)), box_(supports_world(scene_)),
       lengths_(frame_.slice_spacing / frame_.reference_length), together_(steps_together(scene_)) {

@@ -1,4 +1,4 @@
-#include "light_error.hpp"
+#include "light/light_error.hpp"
 
 #include <algorithm>
 #include <array>
@@ -9,18 +9,17 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
-#include "backend_choice.hpp"
+#include "at_points.hpp"
 #include "base/poll.hpp"
+#include "base/spread.hpp"
 #include "base/threads.hpp"
-#include "light_at_points.hpp"
-#include "light_grids.hpp"
+#include "light/grids.hpp"
 #include "plan/charge_effects.hpp"
 #include "plan/effect_table.hpp"
 #include "plan/make_plan.hpp"
 #include "reference/classify.hpp"
 #include "reference/screen.hpp"
 #include "scene/mode_rules.hpp"
-#include "spread.hpp"
 #include "view/kept_slices.hpp"
 
 namespace sheetsplat {
@@ -62,9 +61,9 @@ double chance(int column, int row, std::size_t half) {
 class View {
   public:
     /// points: those of a pixel that are looked at, on the average.
-    View(const Request& request, const Prepared& prepared, const LightAtPoints& light, double points)
-        : scene_(request.scene), camera_(request.camera), frame_(prepared.frame), plan_(prepared.plan), light_(light),
-          screen_(camera_, request.size), in_front_(plan_.depth_limit ? &*scene_.depth_limit : nullptr, frame_),
+    View(const LitView& lit, const LightAtPoints& light, double points)
+        : scene_(lit.scene), camera_(lit.camera), frame_(lit.frame), plan_(lit.plan), light_(light),
+          screen_(camera_, lit.size), in_front_(plan_.depth_limit ? &*scene_.depth_limit : nullptr, frame_),
           points_(points), half_slab_(scene_.sampling == Sampling::slab ? 0.5 * frame_.slice_spacing : 0.0) {}
 
     /// What light is too bright, times what it adds to a pixel.
@@ -543,26 +542,26 @@ ProbePixels probe_pixels(Size size, bool surfaces) {
     return probes;
 }
 
-bool LightErrorProbe::is_cheap(const Request& request, const Prepared& prepared) {
+bool LightErrorProbe::is_cheap(const LitView& lit) {
     std::size_t kernels = 0;
-    for (const auto& field : request.scene.fields) {
-        kernels += as_regular(field.get()) != nullptr && !prepared.plan.filter ? 0 : field->size();
+    for (const auto& field : lit.scene.fields) {
+        kernels += as_regular(field.get()) != nullptr && !lit.plan.filter ? 0 : field->size();
     }
     return kernels <= most_scattered;
 }
 
-LightAtPoints LightErrorProbe::light_at(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
+LightAtPoints LightErrorProbe::light_at(const LitView& lit, const LightVolumes& volumes,
                                         const std::shared_ptr<const LightVolume>& absorption) {
     std::vector<Known> known;
     std::vector<std::shared_ptr<const PointValues>> values;
-    for (const auto& field : request.scene.fields) {
-        if (prepared.plan.filter) {
-            values.push_back(filtered_values(field, request.scene, request.camera, request.size));
+    for (const auto& field : lit.scene.fields) {
+        if (lit.plan.filter) {
+            values.push_back(filtered_values(field, lit.scene, lit.camera, lit.size));
             continue;
         }
         const auto found =
             std::find_if(known_.begin(), known_.end(), [&](const Known& one) { return one.field == field; });
-        known.push_back(found != known_.end() ? *found : Known{field, point_values(field, request.scene)});
+        known.push_back(found != known_.end() ? *found : Known{field, point_values(field, lit.scene)});
         values.push_back(known.back().values);
     }
     known_ = std::move(known);
@@ -589,16 +588,15 @@ LightAtPoints LightErrorProbe::light_at(const Request& request, const Prepared& 
         }
         return *clear_.second;
     };
-    return LightAtPoints(request, prepared, volumes, absorption.get(), blocks, clear, std::move(values));
+    return LightAtPoints(lit, volumes, absorption.get(), blocks, clear, std::move(values));
 }
 
-std::vector<LightSpot> LightErrorProbe::spots(const Request& request, const Prepared& prepared,
-                                              const std::vector<std::size_t>& numbers) {
-    const LightAtPoints light = light_at(request, prepared, *request.scene.part->light, nullptr);
-    const ProbePixels probes = probe_pixels(request.size, light.surfaces());
-    const View view(request, prepared, light, probes.points);
+std::vector<LightSpot> LightErrorProbe::spots(const LitView& lit, const std::vector<std::size_t>& numbers) {
+    const LightAtPoints light = light_at(lit, *lit.scene.part->light, nullptr);
+    const ProbePixels probes = probe_pixels(lit.size, light.surfaces());
+    const View view(lit, light, probes.points);
     std::vector<std::vector<LightSpot>> found(numbers.size());
-    ThreadPool pool(thread_count(request.options.threads));
+    ThreadPool pool(lit.threads);
     pool.run(
         numbers.size(),
         [&](std::size_t task, int) {
@@ -607,10 +605,10 @@ std::vector<LightSpot> LightErrorProbe::spots(const Request& request, const Prep
             found[task] = view.spots_at(column, row);
             for (LightSpot& spot : found[task]) {
                 spot.number = number;
-                spot.occlusion = prepared.plan.ambient_occlusion && number % probes.every_occlusion == 0;
+                spot.occlusion = lit.plan.ambient_occlusion && number % probes.every_occlusion == 0;
             }
         },
-        [&] { report_progress(request.progress, 0.0); });
+        [&] { report_progress(lit.progress, 0.0); });
     std::vector<LightSpot> all;
     for (const std::vector<LightSpot>& one : found) {
         all.insert(all.end(), one.begin(), one.end());
@@ -618,19 +616,18 @@ std::vector<LightSpot> LightErrorProbe::spots(const Request& request, const Prep
     return all;
 }
 
-LightLines LightErrorProbe::lines(const Request& request, const Prepared& prepared,
-                                  const std::vector<LightSpot>& spots) {
-    const LightAtPoints light = light_at(request, prepared, *request.scene.part->light, nullptr);
-    const ProbePixels probes = probe_pixels(request.size, light.surfaces());
-    const View view(request, prepared, light, probes.points);
+LightLines LightErrorProbe::lines(const LitView& lit, const std::vector<LightSpot>& spots) {
+    const LightAtPoints light = light_at(lit, *lit.scene.part->light, nullptr);
+    const ProbePixels probes = probe_pixels(lit.size, light.surfaces());
+    const View view(lit, light, probes.points);
     LightLines lines;
     lines.absorbed = light.surfaces();
-    lines.lights = prepared.plan.shadows ? request.scene.lights.size() : 0;
-    lines.directions = lines.lights + (prepared.plan.ambient_occlusion ? directions_around : 0);
-    const std::size_t shown = 4 * (lines.lights + (prepared.plan.ambient_occlusion ? 1 : 0));
+    lines.lights = lit.plan.shadows ? lit.scene.lights.size() : 0;
+    lines.directions = lines.lights + (lit.plan.ambient_occlusion ? directions_around : 0);
+    const std::size_t shown = 4 * (lines.lights + (lit.plan.ambient_occlusion ? 1 : 0));
     lines.left.assign(spots.size() * lines.directions, lines.absorbed ? 0.0 : 1.0);
     lines.shown.assign(spots.size() * shown, 0.0);
-    ThreadPool pool(thread_count(request.options.threads));
+    ThreadPool pool(lit.threads);
     pool.run(
         spots.size(),
         [&](std::size_t task, int) {
@@ -649,20 +646,19 @@ LightLines LightErrorProbe::lines(const Request& request, const Prepared& prepar
                 view.add_shown(column, row, spot, &lines.shown[task * shown]);
             }
         },
-        [&] { report_progress(request.progress, 0.0); });
+        [&] { report_progress(lit.progress, 0.0); });
     return lines;
 }
 
-LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
+LightErrors LightErrorProbe::errors(const LitView& lit, const LightVolumes& volumes,
                                     const std::shared_ptr<const LightVolume>& absorption) {
-    const LightAtPoints light = light_at(request, prepared, volumes, absorption);
+    const LightAtPoints light = light_at(lit, volumes, absorption);
     // Where thin sheets of matter show, errors are at few pixels too.
-    const ProbePixels probes =
-        probe_pixels(request.size, request.scene.mode == Mode::isosurface || shows_narrowly(request.scene));
-    const View view(request, prepared, light, probes.points);
+    const ProbePixels probes = probe_pixels(lit.size, lit.scene.mode == Mode::isosurface || shows_narrowly(lit.scene));
+    const View view(lit, light, probes.points);
     const std::size_t most = probes.pixels.size();
     std::size_t every = probes.every_occlusion;
-    ThreadPool pool(thread_count(request.options.threads));
+    ThreadPool pool(lit.threads);
     std::vector<View::Off> found;
     std::size_t seen = 0;
     while (found.size() < most && seen < probes.wanted) {
@@ -675,11 +671,11 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
                 const auto [column, row] = probes.pixels[number];
                 found[number] = view.look(column, row, number % every == 0);
             },
-            [&] { report_progress(request.progress, 1.0); });
+            [&] { report_progress(lit.progress, 1.0); });
         seen += static_cast<std::size_t>(std::count_if(found.begin() + static_cast<std::ptrdiff_t>(start), found.end(),
                                                        [](const View::Off& off) { return off.seen; }));
     }
-    if (prepared.plan.ambient_occlusion && every > 1 && seen <= probes.wanted / 2) {
+    if (lit.plan.ambient_occlusion && every > 1 && seen <= probes.wanted / 2) {
         // Of few pixels that show anything, one in so many are too few to tell.
         every = 1;
         std::vector<std::size_t> left;
@@ -694,7 +690,7 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
                 const auto [column, row] = probes.pixels[left[task]];
                 found[left[task]] = view.look(column, row, true);
             },
-            [&] { report_progress(request.progress, 1.0); });
+            [&] { report_progress(lit.progress, 1.0); });
     }
     SquareSum shadows, occlusion, shadows_beside, together;
     for (std::size_t number = 0; number < found.size(); ++number) {

@@ -9,13 +9,13 @@
 #include <memory>
 #include <vector>
 
-#include "draw.hpp"
-#include "light_volumes.hpp"
+#include "light/blocks.hpp"
+#include "light/lit_view.hpp"
+#include "light/surface_lines.hpp"
+#include "light/volumes.hpp"
 #include "point_values.hpp"
 #include "reference/clip.hpp"
 #include "sheetsplat/light_volume.hpp"
-#include "view/light_blocks.hpp"
-#include "view/surface_lines.hpp"
 
 namespace sheetsplat {
 
@@ -28,9 +28,8 @@ using ClearOf = std::function<const ClearCells&()>;
 class LightAtPoints {
   public:
     /// absorption: what the volumes were made from; null where it is not there any more. values: of each field.
-    LightAtPoints(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
-                  const LightVolume* absorption, const BlocksOf& blocks, const ClearOf& clear,
-                  std::vector<std::shared_ptr<const PointValues>> values);
+    LightAtPoints(const LitView& lit, const LightVolumes& volumes, const LightVolume* absorption,
+                  const BlocksOf& blocks, const ClearOf& clear, std::vector<std::shared_ptr<const PointValues>> values);
 
     /// Whether light is followed along lines, from surfaces.
     [[nodiscard]] bool surfaces() const { return surfaces_; }

@@ -319,11 +319,11 @@ std::vector<LightSpot> Renderer::State::light_spots(const Request& request, cons
                                : light_probe_.spots(lit_view(request.with(prepared.scene), prepared), numbers);
 }
 
-LightLines Renderer::State::light_lines(const Request& request, const std::vector<LightSpot>& spots) {
+LightLines Renderer::State::light_lines(const Request& request, const std::vector<LightSpot>& spots, std::size_t part) {
     require_light(request.scene);
     const PollScope polling([&request] { report_progress(request.progress, 0.0); });
     const Prepared prepared = prepare(request);
-    return light_probe_.lines(lit_view(request.with(prepared.scene), prepared), spots);
+    return light_probe_.lines(lit_view(request.with(prepared.scene), prepared), spots, part);
 }
 
 bool Renderer::State::measure_light(const Request& request, RenderPlan& plan, bool anew) {
@@ -448,9 +448,9 @@ std::vector<LightSpot> Renderer::light_spots(const Scene& part, const Camera& ca
 }
 
 LightLines Renderer::light_lines(const Scene& part, const Camera& camera, Size size,
-                                 const std::vector<LightSpot>& spots, const Progress& progress) {
+                                 const std::vector<LightSpot>& spots, std::size_t number, const Progress& progress) {
     const Outputs none;
-    return state_->light_lines({part, camera, size, none, progress, state_->options()}, spots);
+    return state_->light_lines({part, camera, size, none, progress, state_->options()}, spots, number);
 }
 
 LightVolumes Renderer::light_volumes(const LightPlan& light, std::vector<LightVolume> grids,

@@ -45,7 +45,7 @@ struct Renderer::State {
     LightPlan plan_light(const Request& request);
     std::vector<LightPiece> light_pieces(const Request& request, const LightPlan& light);
     std::vector<LightSpot> light_spots(const Request& request, const std::vector<std::size_t>& numbers);
-    LightLines light_lines(const Request& request, const std::vector<LightSpot>& spots);
+    LightLines light_lines(const Request& request, const std::vector<LightSpot>& spots, std::size_t part);
 
     /// The scene with the fields of a level in the place of its own.
     Scene at_level(Scene scene, const Level& level, const Progress& progress);

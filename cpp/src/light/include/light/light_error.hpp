@@ -18,11 +18,6 @@ namespace sheetsplat {
 class LightAtPoints;
 class PointValues;
 
-/// Root mean square errors over the picture (conventions, section 8).
-struct LightErrors {
-    double shadows = 0.0, occlusion = 0.0;
-};
-
 /// Looks at a few hundred pixels that show something, spread evenly over the picture, of a surface at a few thousand.
 /// The same picture has the same errors, on any number of threads.
 class LightErrorProbe {
@@ -35,7 +30,7 @@ class LightErrorProbe {
                        const std::shared_ptr<const LightVolume>& absorption);
     /// What a part of a whole says (Renderer::light_spots, Renderer::light_lines). Throws OutOfMemory, Cancelled.
     std::vector<LightSpot> spots(const LitView& lit, const std::vector<std::size_t>& numbers);
-    LightLines lines(const LitView& lit, const std::vector<LightSpot>& spots);
+    LightLines lines(const LitView& lit, const std::vector<LightSpot>& spots, std::size_t part);
 
   private:
     [[nodiscard]] LightAtPoints light_at(const LitView& lit, const LightVolumes& volumes,

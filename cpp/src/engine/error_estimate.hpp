@@ -16,12 +16,6 @@ namespace sheetsplat {
 /// independent of the coarser one's, and this is about 1.
 double richardson_share(const Scene& scene);
 
-/// Backend cpu in float64, whatever the scene is.
-RendererOptions exact_options(const RendererOptions& options);
-
-/// The scene with other settings.
-Scene with_settings(const Scene& scene, const Settings& settings);
-
 /// Pictures of one view that separate the causes of its error; null where a picture would be the same as another, or is
 /// not available.
 struct Probes {

@@ -295,6 +295,16 @@ class ErrorEstimate:
     @property
     def map(self) -> NDArray[np.float32]: ...
 
+def estimate_error(
+    drawn: NDArray[np.float32],
+    exact: NDArray[np.float32],
+    unstopped: NDArray[np.float32] | None,
+    halved: NDArray[np.float32],
+    *,
+    mode: str,
+    preintegration: bool,
+    budget: Sequence[tuple[str, float, str]],
+) -> ErrorEstimate: ...
 def compare(picture: NDArray[np.float32], reference: NDArray[np.float32], channels: int) -> dict[str, float]: ...
 def probe_pixels(*, size: tuple[int, int], surfaces: bool) -> tuple[NDArray[np.int32], int, int]: ...
 def thinned(spots: NDArray[np.float64], most: int, /) -> NDArray[np.float64]: ...

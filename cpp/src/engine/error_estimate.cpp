@@ -15,11 +15,19 @@ namespace sheetsplat {
 
 namespace {
 
+/// Distance between the pictures at ds and ds / 2 over that between the one at ds and the converged one, as measured
+/// (error-estimate.md). Where slices meet kernels, or steps, by chance, the finer picture's error is independent of the
+/// coarser one's, and this is about 1.
 /// Of pictures whose errors fall at second order: mip, minimum and isosurfaces, and first- and second-order
 /// pre-integration.
 constexpr double smooth_share = 0.75;
 /// Composites of single slices, pictures at steps, sums and means along rays.
 constexpr double plain_share = 1.0;
+double richardson_share(Mode mode, bool preintegration) {
+    const bool plain = mode == Mode::xray || mode == Mode::average || (mode == Mode::composite && !preintegration);
+    return plain ? plain_share : smooth_share;
+}
+
 /// Two numbers of a view that are the same up to rounding.
 constexpr double same = 1e-9;
 /// Of all that is done, what the picture at half the slice distance is.
@@ -91,13 +99,9 @@ bool is_of_model(const ErrorShare& share) {
 
 double model_error(const std::vector<ErrorShare>& budget) { return expected(budget, true); }
 
-double richardson_share(const Scene& scene) {
-    const bool plain = scene.mode == Mode::xray || scene.mode == Mode::average ||
-                       (scene.mode == Mode::composite && !scene.preintegration);
-    return plain ? plain_share : smooth_share;
-}
-
-ErrorEstimate estimate_from(const Probes& probes, double share, const std::vector<ErrorShare>& budget) {
+ErrorEstimate estimate_error(const ErrorPictures& probes, Mode mode, bool preintegration,
+                             const std::vector<ErrorShare>& budget) {
+    const double share = richardson_share(mode, preintegration);
     const Image& drawn = *probes.drawn;
     const Image& exact = probes.exact != nullptr ? *probes.exact : drawn;
     const Image& unstopped = probes.unstopped != nullptr ? *probes.unstopped : exact;
@@ -187,7 +191,7 @@ ErrorEstimate Renderer::State::estimate_error(const Image& image, const Scene& s
     }
     part = (1.0 - done) / (1.0 + (stops && exact ? 1.0 : 0.0));
     Image same_scene, whole;
-    Probes probes;
+    ErrorPictures probes;
     probes.drawn = &image;
     probes.halved = &finer;
     if (exact) {
@@ -200,7 +204,7 @@ ErrorEstimate Renderer::State::estimate_error(const Image& image, const Scene& s
     }
     RenderPlan plan = *image.plan;
     measure_light({scene, camera, image.size, none, progress, options_}, plan, true);
-    return estimate_from(probes, richardson_share(scene), plan.error_budget);
+    return sheetsplat::estimate_error(probes, scene.mode, scene.preintegration, plan.error_budget);
 }
 
 ErrorEstimate Renderer::estimate_error(const Image& image, const Scene& scene, const Camera& camera,

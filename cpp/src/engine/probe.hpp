@@ -1,5 +1,5 @@
-// What a view shows with other settings or in float64, all of it or some tiles, and how far two such pictures are
-// apart: image.error, max_error and max_seconds, stages of pictures, and tiles that are drawn again ask here.
+// What estimates from further pictures of a view share: some tiles of it, scenes with other settings, float64, and how
+// far two pictures are apart. image.error, max_error and max_seconds, stages, and tiles that are drawn again ask here.
 #pragma once
 
 #include <cstddef>

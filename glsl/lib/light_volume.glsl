@@ -48,7 +48,7 @@ float ambient_left(vec3 spot) { return 1.0 - occlusion * (1.0 - number_at(VOLUME
 #else
 
 // Lines through grids of rho, a grid for each group of fields, which lose light where rho crosses an iso value from one step to the
-// next (view/surface_lines.hpp).
+// next (light/surface_lines.hpp).
 // The arrays are those of one group after the other.
 uniform vec3 caster[VOLUMES * CASTERS]; // iso value in the sheets' unit, -log2(1 - opacity), 0
 uniform float caster_opaque;   // where absorptions add up to this much nothing is left

@@ -12,9 +12,14 @@
 #include <pybind11/stl.h>
 
 #include "sheetsplat/error.hpp"
+#include "sheetsplat/scene.hpp"
 #include "sheetsplat/types.hpp"
 
 namespace sheetsplat::bindings {
+
+inline const std::map<std::string, Mode> modes{{"composite", Mode::composite}, {"isosurface", Mode::isosurface},
+                                               {"xray", Mode::xray},           {"mip", Mode::mip},
+                                               {"minimum", Mode::minimum},     {"average", Mode::average}};
 
 using Triple = std::array<double, 3>;
 

@@ -1,5 +1,9 @@
 // What Python sees of pictures.
 #include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <tuple>
 #include <vector>
 
 #include <pybind11/numpy.h>
@@ -67,6 +71,32 @@ py::dict compare_arrays(const Floats& picture, const Floats& reference, int chan
     return result;
 }
 
+using Pixels = py::array_t<float, py::array::c_style | py::array::forcecast>;
+
+/// A picture of an array: (h, w, 4), or (h, w) in scalar modes.
+Image image_of(const Pixels& pixels) {
+    if (pixels.ndim() != 3 && pixels.ndim() != 2) {
+        throw std::invalid_argument("a picture of neither (h, w, 4) nor (h, w) numbers");
+    }
+    Image image;
+    image.size = {static_cast<int>(pixels.shape(1)), static_cast<int>(pixels.shape(0))};
+    (pixels.ndim() == 3 ? image.rgba : image.scalar).assign(pixels.data(), pixels.data() + pixels.size());
+    return image;
+}
+
+ErrorEstimate estimate_of_arrays(const Pixels& drawn, const Pixels& exact, const std::optional<Pixels>& unstopped,
+                                 const Pixels& halved, const std::string& mode, bool preintegration,
+                                 const std::vector<std::tuple<std::string, double, std::string>>& budget) {
+    const Image pictures[] = {image_of(drawn), image_of(exact), unstopped ? image_of(*unstopped) : Image{},
+                              image_of(halved)};
+    std::vector<ErrorShare> shares;
+    for (const auto& [cause, rmse, effect] : budget) {
+        shares.push_back({cause, rmse, effect});
+    }
+    return estimate_error({&pictures[0], &pictures[1], unstopped ? &pictures[2] : nullptr, &pictures[3]},
+                          from_name("mode", mode, modes), preintegration, shares);
+}
+
 } // namespace
 
 void register_image(py::module_& module) {
@@ -95,6 +125,8 @@ void register_image(py::module_& module) {
                                    return shares;
                                })
         .def_property_readonly("map", &view_map);
+    module.def("estimate_error", &estimate_of_arrays, py::arg("drawn"), py::arg("exact"), py::arg("unstopped"),
+               py::arg("halved"), py::kw_only(), py::arg("mode"), py::arg("preintegration"), py::arg("budget"));
     module.def("compare", &compare_arrays, py::arg("picture"), py::arg("reference"), py::arg("channels"));
 }
 

@@ -97,7 +97,43 @@ class Watch {
 using Grid = py::array_t<float, py::array::c_style | py::array::forcecast>;
 using Numbers = py::array_t<double, py::array::c_style | py::array::forcecast>;
 /// Columns of a table of LightSpot, in the order of its members.
-constexpr std::size_t spot_columns = 12;
+constexpr std::size_t spot_columns = 14;
+
+Numbers table_of(const std::vector<LightSpot>& spots) {
+    Numbers rows({spots.size(), spot_columns});
+    double* to = rows.mutable_data();
+    for (const LightSpot& spot : spots) {
+        for (const double value : {static_cast<double>(spot.number), static_cast<double>(spot.slice), spot.behind,
+                                   static_cast<double>(spot.group), spot.color.x, spot.color.y, spot.color.z,
+                                   spot.share, spot.chances[0], spot.chances[1], static_cast<double>(spot.part),
+                                   spot.occlusion ? 1.0 : 0.0, spot.stands_for[0], spot.stands_for[1]}) {
+            *to++ = value;
+        }
+    }
+    return rows;
+}
+
+std::vector<LightSpot> spots_of(const Numbers& rows) {
+    if (rows.ndim() != 2 || static_cast<std::size_t>(rows.shape(1)) != spot_columns) {
+        throw std::invalid_argument("spots with another number of columns than light_spots has");
+    }
+    std::vector<LightSpot> spots(static_cast<std::size_t>(rows.shape(0)));
+    const double* from = rows.data();
+    for (LightSpot& spot : spots) {
+        spot = {static_cast<std::size_t>(from[0]),
+                static_cast<std::int64_t>(from[1]),
+                from[2],
+                static_cast<std::size_t>(from[3]),
+                {from[4], from[5], from[6]},
+                from[7],
+                {from[8], from[9]},
+                static_cast<std::size_t>(from[10]),
+                from[11] != 0.0,
+                {from[12], from[13]}};
+        from += spot_columns;
+    }
+    return spots;
+}
 
 /// A renderer serves one thread at a time: others wait, without the GIL.
 class LockedRenderer {
@@ -162,43 +198,16 @@ class LockedRenderer {
 
     Numbers light_spots(const Scene& part, const Camera& camera, std::array<int, 2> size,
                         const std::vector<std::size_t>& numbers, const py::object& progress) {
-        const auto spots = draw<std::vector<LightSpot>>(progress, [&](const Progress& watch) {
+        return table_of(*draw<std::vector<LightSpot>>(progress, [&](const Progress& watch) {
             return renderer_.light_spots(part, camera, {size[0], size[1]}, numbers, watch);
-        });
-        Numbers rows({spots->size(), spot_columns});
-        double* to = rows.mutable_data();
-        for (const LightSpot& spot : *spots) {
-            for (const double value :
-                 {static_cast<double>(spot.number), static_cast<double>(spot.slice), spot.behind,
-                  static_cast<double>(spot.group), spot.color.x, spot.color.y, spot.color.z, spot.share,
-                  spot.chances[0], spot.chances[1], spot.occlusion ? 1.0 : 0.0, spot.own ? 1.0 : 0.0}) {
-                *to++ = value;
-            }
-        }
-        return rows;
+        }));
     }
 
     py::tuple light_lines(const Scene& part, const Camera& camera, std::array<int, 2> size, const Numbers& rows,
-                          const py::object& progress) {
-        if (rows.ndim() != 2 || static_cast<std::size_t>(rows.shape(1)) != spot_columns) {
-            throw std::invalid_argument("spots with another number of columns than light_spots has");
-        }
-        std::vector<LightSpot> spots(static_cast<std::size_t>(rows.shape(0)));
-        const double* from = rows.data();
-        for (LightSpot& spot : spots) {
-            spot = {static_cast<std::size_t>(from[0]),
-                    static_cast<std::int64_t>(from[1]),
-                    from[2],
-                    static_cast<std::size_t>(from[3]),
-                    {from[4], from[5], from[6]},
-                    from[7],
-                    {from[8], from[9]},
-                    from[10] != 0.0,
-                    from[11] != 0.0};
-            from += spot_columns;
-        }
+                          std::size_t number, const py::object& progress) {
+        const std::vector<LightSpot> spots = spots_of(rows);
         const auto lines = draw<LightLines>(progress, [&](const Progress& watch) {
-            return renderer_.light_lines(part, camera, {size[0], size[1]}, spots, watch);
+            return renderer_.light_lines(part, camera, {size[0], size[1]}, spots, number, watch);
         });
         const auto table = [&](const std::vector<double>& values) {
             return Numbers({spots.size(), spots.empty() ? 0 : values.size() / spots.size()}, values.data());
@@ -309,10 +318,33 @@ void register_renderer(py::module_& module) {
             const ProbePixels probes = probe_pixels({size[0], size[1]}, surfaces);
             py::array_t<int> pixels({probes.pixels.size(), std::size_t{2}});
             std::copy_n(probes.pixels.front().data(), 2 * probes.pixels.size(), pixels.mutable_data());
-            return py::make_tuple(pixels, probes.wanted, probes.batch, probes.every_occlusion, probes.points,
-                                  light_reserve);
+            return py::make_tuple(pixels, probes.wanted, probes.batch);
         },
         py::kw_only(), py::arg("size"), py::arg("surfaces"));
+    module.def("thinned",
+               [](const Numbers& spots, std::size_t most) { return table_of(thinned(spots_of(spots), most)); });
+    module.def(
+        "choose_spots",
+        [](const Numbers& spots, std::array<int, 2> size, bool surfaces, double stop, std::size_t seen) {
+            const ProbePixels probes = probe_pixels({size[0], size[1]}, surfaces);
+            return table_of(choose_spots(spots_of(spots), probes.points, stop, probes.every(seen)));
+        },
+        py::arg("spots"), py::kw_only(), py::arg("size"), py::arg("surfaces"), py::arg("stop"), py::arg("seen"));
+    module.def(
+        "light_errors",
+        [](const Numbers& spots, bool absorbed, std::size_t lights, const Numbers& left, const Numbers& shown,
+           std::array<int, 2> size, bool surfaces, std::size_t tried, std::size_t seen) {
+            const auto numbers = [](const Numbers& table) {
+                return std::vector<double>(table.data(), table.data() + table.size());
+            };
+            const LightLines lines{absorbed, static_cast<std::size_t>(left.shape(1)), lights, numbers(left),
+                                   numbers(shown)};
+            const std::size_t every = probe_pixels({size[0], size[1]}, surfaces).every(seen);
+            const LightErrors errors = light_errors(spots_of(spots), lines, tried, every);
+            return py::make_tuple(errors.shadows, errors.occlusion);
+        },
+        py::arg("spots"), py::arg("absorbed"), py::arg("lights"), py::arg("left"), py::arg("shown"), py::kw_only(),
+        py::arg("size"), py::arg("surfaces"), py::arg("tried"), py::arg("seen"));
     py::class_<Stages>(module, "Stages").def_property_readonly("done", &Stages::done);
     py::class_<LockedRenderer>(module, "Renderer")
         .def(py::init(&make_renderer), py::kw_only(), py::arg("backend"), py::arg("device"), py::arg("precision"),
@@ -332,7 +364,7 @@ void register_renderer(py::module_& module) {
         .def("light_spots", &LockedRenderer::light_spots, py::arg("part"), py::arg("camera"), py::kw_only(),
              py::arg("size"), py::arg("numbers"), py::arg("progress"))
         .def("light_lines", &LockedRenderer::light_lines, py::arg("part"), py::arg("camera"), py::kw_only(),
-             py::arg("size"), py::arg("spots"), py::arg("progress"))
+             py::arg("size"), py::arg("spots"), py::arg("number"), py::arg("progress"))
         .def("light_volumes", &LockedRenderer::light_volumes, py::arg("light"), py::arg("grids"), py::kw_only(),
              py::arg("progress"))
         .def("begin_stages", &LockedRenderer::begin_stages, py::arg("scene"), py::arg("camera"), py::kw_only(),

@@ -17,9 +17,6 @@ namespace sheetsplat::bindings {
 namespace {
 
 const std::map<std::string, Sampling> samplings{{"point", Sampling::point}, {"slab", Sampling::slab}};
-const std::map<std::string, Mode> modes{{"composite", Mode::composite}, {"isosurface", Mode::isosurface},
-                                        {"xray", Mode::xray},           {"mip", Mode::mip},
-                                        {"minimum", Mode::minimum},     {"average", Mode::average}};
 const std::map<std::string, Filter> filters{{"none", Filter::none}, {"ewa", Filter::ewa}};
 const std::map<std::string, Gradient> gradients{{"sheets", Gradient::sheets}, {"analytic", Gradient::analytic}};
 const std::map<std::string, LightSpace> light_spaces{{"eye", LightSpace::eye}, {"world", LightSpace::world}};

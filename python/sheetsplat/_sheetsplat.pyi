@@ -295,8 +295,34 @@ class ErrorEstimate:
     @property
     def map(self) -> NDArray[np.float32]: ...
 
+def estimate_error(
+    drawn: NDArray[np.float32],
+    exact: NDArray[np.float32],
+    unstopped: NDArray[np.float32] | None,
+    halved: NDArray[np.float32],
+    *,
+    mode: str,
+    preintegration: bool,
+    budget: Sequence[tuple[str, float, str]],
+) -> ErrorEstimate: ...
 def compare(picture: NDArray[np.float32], reference: NDArray[np.float32], channels: int) -> dict[str, float]: ...
-def probe_pixels(*, size: tuple[int, int], surfaces: bool) -> tuple[NDArray[np.int32], int, int, int, float, float]: ...
+def probe_pixels(*, size: tuple[int, int], surfaces: bool) -> tuple[NDArray[np.int32], int, int]: ...
+def thinned(spots: NDArray[np.float64], most: int, /) -> NDArray[np.float64]: ...
+def choose_spots(
+    spots: NDArray[np.float64], *, size: tuple[int, int], surfaces: bool, stop: float, seen: int
+) -> NDArray[np.float64]: ...
+def light_errors(
+    spots: NDArray[np.float64],
+    absorbed: bool,
+    lights: int,
+    left: NDArray[np.float64],
+    shown: NDArray[np.float64],
+    *,
+    size: tuple[int, int],
+    surfaces: bool,
+    tried: int,
+    seen: int,
+) -> tuple[float, float]: ...
 
 class Stages:
     @property
@@ -361,6 +387,7 @@ class Renderer:
         *,
         size: tuple[int, int],
         spots: NDArray[np.float64],
+        number: int,
         progress: Callable[[float], object] | None,
     ) -> tuple[bool, int, NDArray[np.float64], NDArray[np.float64]]: ...
     def light_volumes(

@@ -246,15 +246,15 @@ def test_few_points_of_each_brick_stand_for_all(
     wanted, kept = [], []
     for most in (10**9, 8):
         monkeypatch.setattr(light_error, "_MOST", most)
-        thinned = light_error._thinned
+        thinned = light_error.thinned
 
-        def counted(table: Any, thinned: Any = thinned) -> Any:
-            found = thinned(table)
+        def counted(table: Any, points: int, thinned: Any = thinned) -> Any:
+            found = thinned(table, points)
             kept.append(len(found) / max(1, len(table)))
             return found
 
         with monkeypatch.context() as patch:
-            patch.setattr(light_error, "_thinned", counted)
+            patch.setattr(light_error, "thinned", counted)
             wanted.append(_stated(ss.render(ss.open_bricks(samples, brick=24, quality="draft"), **options)))
     assert min(kept) < 0.8 and max(kept) == 1.0
     np.testing.assert_allclose(wanted[1], wanted[0], rtol=0.25)

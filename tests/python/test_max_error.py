@@ -49,6 +49,19 @@ def test_the_bound_holds(seed: int, exact: ss.Renderer) -> None:
         least = image.stats["slices"]
 
 
+@pytest.mark.parametrize("mode", ["mip", "average"])
+def test_tiles_of_scalar_pictures_count_as_whole_pictures_do(mode: Any) -> None:
+    """Scalars are divided by the largest one: sizes of pictures above and below that of excerpts get the same."""
+    samples = 200.0 * error_scenes.smooth_noise(np.random.default_rng(3), (18, 20, 22), 1.2)
+    scene = ss.Scene(ss.RegularField(samples), [(0, 0, 0, 0, 0), (200, 1, 1, 1, 1)], mode=mode)
+    found = []
+    for size in ((250, 250), (264, 264)):
+        image = ss.Renderer("cpu", max_error=1e-3).render(scene, ss.Camera.fit(scene.fields[0]), size)
+        assert image.settings is not None
+        found.append(image.settings["slice_spacing"])
+    assert 0.5 < found[1] / found[0] < 2.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "boundary"), [("orthographic", "zero"), ("perspective", "zero"), ("perspective", "edge")]

@@ -46,6 +46,20 @@ struct ErrorEstimate {
     std::vector<float> map;         ///< h * w: each pixel's own, rmse^2 is the mean of their squares
 };
 
+/// Pictures of one view that separate the causes of its error; null where a picture would be the same as another, or is
+/// not available.
+struct ErrorPictures {
+    const Image* drawn = nullptr;     ///< the picture in question
+    const Image* exact = nullptr;     ///< the same in float64; null: arithmetic is taken from the plan
+    const Image* unstopped = nullptr; ///< without a stop, at ds, with the numbers of `exact`; null: there is no stop
+    const Image* halved = nullptr;    ///< without a stop, at ds / 2, with the numbers of `exact`
+};
+/// Richardson extrapolation: the change from slice distance ds to ds / 2 gives the error at ds. budget: the plan's. Its
+/// shares of light looked up in volumes count unchanged, distributed over the pixels in proportion to opacity; the
+/// error of arithmetic is divided among the others in proportion.
+ErrorEstimate estimate_error(const ErrorPictures& pictures, Mode mode, bool preintegration,
+                             const std::vector<ErrorShare>& budget);
+
 /// What a pixel counts as that is no number in one of two pictures.
 enum class Gaps {
     infinite, ///< infinitely far off

@@ -48,7 +48,7 @@ struct LightVolumes {
     /// What of a point's surroundings is open, 0 to 1; null where there is no ambient occlusion.
     std::shared_ptr<const LightVolume> openness;
     /// Mode isosurface, in place of both: rho of each group of fields over DrawPlan::value_unit, all on one grid whose
-    /// faces nothing reaches. Lines towards lights are followed through it (view/surface_lines.hpp).
+    /// faces nothing reaches. Lines towards lights are followed through it (light/surface_lines.hpp).
     std::vector<std::shared_ptr<const LightVolume>> groups;
 };
 

@@ -1,4 +1,4 @@
-// What shadows and ambient occlusion leave of the light, from the volumes of view/light_volume.
+// What shadows and ambient occlusion leave of the light, from the volumes of light/light_volume.
 
 #if defined(SHEETSPLAT_CPU_LIGHT_VOLUME_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef SHEETSPLAT_CPU_LIGHT_VOLUME_INL

@@ -10,7 +10,7 @@
 #include "plan/make_plan.hpp"
 #include "scene/mode_rules.hpp"
 #include "view/shading_inputs.hpp"
-#include "view/surface_lines.hpp"
+#include "light/surface_lines.hpp"
 
 namespace sheetsplat::backend_cpu {
 

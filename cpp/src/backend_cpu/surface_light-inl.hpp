@@ -1,4 +1,4 @@
-// What shadows and ambient occlusion leave of the light in mode isosurface: along the lines of view/surface_lines.
+// What shadows and ambient occlusion leave of the light in mode isosurface: along the lines of light/surface_lines.
 
 #if defined(SHEETSPLAT_CPU_SURFACE_LIGHT_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef SHEETSPLAT_CPU_SURFACE_LIGHT_INL
@@ -16,14 +16,14 @@
 #include "hwy/highway.h"
 #include "light_volume-inl.hpp"
 #include "math-inl.hpp"
-#include "view/surface_lines.hpp"
+#include "light/surface_lines.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// b(rho) of view/surface_lines.
+/// b(rho) of light/surface_lines.
 template <class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
 HWY_INLINE V absorbed_below(D d, const typename SurfaceLight<T>::Group& group, V rho) {
     V sum = hn::Zero(d);

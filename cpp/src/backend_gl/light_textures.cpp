@@ -6,8 +6,8 @@
 #include <glm/geometric.hpp>
 
 #include "interop.h"
+#include "light/surface_lines.hpp"
 #include "sheetsplat/error.hpp"
-#include "view/surface_lines.hpp"
 
 namespace sheetsplat::backend_gl {
 

@@ -5,9 +5,9 @@
 #include <utility>
 
 #include "backend_gl/gl_renderer.hpp"
+#include "light/surface_lines.hpp"
 #include "plan/pivot.hpp"
 #include "scene/mode_rules.hpp"
-#include "view/surface_lines.hpp"
 
 namespace sheetsplat::backend_gl {
 

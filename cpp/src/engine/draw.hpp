@@ -9,6 +9,7 @@
 #include "field_index.hpp"
 #include "plan/filtered_lattices.hpp"
 #include "plan/make_plan.hpp"
+#include "probe.hpp"
 #include "sheetsplat/image.hpp"
 #include "sheetsplat/light_volume.hpp"
 #include "sheetsplat/renderer.hpp"
@@ -20,20 +21,6 @@ namespace sheetsplat {
 namespace backend_gl {
 class GlRenderer;
 }
-
-/// Tiles of a picture that are drawn alone, on backend cpu; the others stay empty.
-struct Excerpt {
-    int edge = 0;                    ///< of a tile, pixels at most
-    std::vector<std::uint8_t> drawn; ///< a flag a tile, row by row
-    double pixels = 0.0;             ///< of the drawn ones
-    std::size_t tiles = 0;           ///< how many are drawn
-};
-
-/// The tiles whose light shows more of float32's rounding than the plan's bound allows. doubts: of each pixel
-/// (backend_gl::Job), empty: of none. image: what was drawn; of modes mip and minimum all tiles or none.
-Excerpt doubtful_tiles(const DrawPlan& plan, Size size, const std::vector<float>& doubts, const Image& image);
-/// Copies the tiles that were drawn from a picture of the same scene.
-void copy_tiles(const Image& from, const Excerpt& excerpt, Size size, Image& to);
 
 /// A requested picture, and the options that it is drawn with.
 struct Request {

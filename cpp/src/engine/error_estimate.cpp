@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "plan/effect_table.hpp"
+#include "probe.hpp"
 #include "renderer_state.hpp"
 #include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
@@ -14,48 +15,23 @@ namespace sheetsplat {
 
 namespace {
 
+/// Distance between the pictures at ds and ds / 2 over that between the one at ds and the converged one, as measured
+/// (error-estimate.md). Where slices meet kernels, or steps, by chance, the finer picture's error is independent of the
+/// coarser one's, and this is about 1.
 /// Of pictures whose errors fall at second order: mip, minimum and isosurfaces, and first- and second-order
 /// pre-integration.
 constexpr double smooth_share = 0.75;
 /// Composites of single slices, pictures at steps, sums and means along rays.
 constexpr double plain_share = 1.0;
+double richardson_share(Mode mode, bool preintegration) {
+    const bool plain = mode == Mode::xray || mode == Mode::average || (mode == Mode::composite && !preintegration);
+    return plain ? plain_share : smooth_share;
+}
+
 /// Two numbers of a view that are the same up to rounding.
 constexpr double same = 1e-9;
 /// Of all that is done, what the picture at half the slice distance is.
 constexpr double halved_work = 0.5;
-
-const std::vector<float>& channels_of(const Image& image) { return image.rgba.empty() ? image.scalar : image.rgba; }
-
-/// Mean over the channels of squared differences, a pixel.
-std::vector<double> squares(const Image& a, const Image& b, double scale) {
-    const std::vector<float>& first = channels_of(a);
-    const std::vector<float>& second = channels_of(b);
-    const std::size_t channels = a.rgba.empty() ? 1 : 4;
-    std::vector<double> result(first.size() / channels, 0.0);
-    for (std::size_t i = 0; i < first.size(); ++i) {
-        const double difference = (static_cast<double>(first[i]) - static_cast<double>(second[i])) / scale;
-        // (No number: no slice counts in one of them.)
-        result[i / channels] += std::isnan(difference) ? 0.0 : difference * difference / static_cast<double>(channels);
-    }
-    return result;
-}
-
-/// Scalars are divided by max(1, largest absolute value), as section 8 does.
-double scale_of(const Image& reference) {
-    float largest = 1.0F;
-    for (const float value : reference.scalar) {
-        largest = std::isnan(value) ? largest : std::max(largest, std::abs(value));
-    }
-    return static_cast<double>(largest);
-}
-
-double root_of_mean(const std::vector<double>& values) {
-    double sum = 0.0;
-    for (const double value : values) {
-        sum += value;
-    }
-    return values.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(values.size()));
-}
 
 void add(std::vector<double>& to, const std::vector<double>& from) {
     for (std::size_t i = 0; i < to.size(); ++i) {
@@ -123,33 +99,9 @@ bool is_of_model(const ErrorShare& share) {
 
 double model_error(const std::vector<ErrorShare>& budget) { return expected(budget, true); }
 
-double richardson_share(const Scene& scene) {
-    const bool plain = scene.mode == Mode::xray || scene.mode == Mode::average ||
-                       (scene.mode == Mode::composite && !scene.preintegration);
-    return plain ? plain_share : smooth_share;
-}
-
-RendererOptions exact_options(const RendererOptions& options) {
-    RendererOptions exact;
-    exact.backend = Backend::cpu;
-    exact.precision = Precision::float64;
-    exact.allow_inexact = true;
-    exact.threads = options.threads;
-    return exact;
-}
-
-Scene with_settings(const Scene& scene, const Settings& settings) {
-    Scene changed = scene;
-    changed.reference_length = scene.reference_distance();
-    changed.slice_spacing = settings.slice_spacing;
-    changed.sampling = settings.sampling;
-    changed.preintegration = settings.preintegration;
-    changed.second_order = settings.second_order;
-    changed.opacity_stop = settings.opacity_stop;
-    return changed;
-}
-
-ErrorEstimate estimate_from(const Probes& probes, double share, const std::vector<ErrorShare>& budget) {
+ErrorEstimate estimate_error(const ErrorPictures& probes, Mode mode, bool preintegration,
+                             const std::vector<ErrorShare>& budget) {
+    const double share = richardson_share(mode, preintegration);
     const Image& drawn = *probes.drawn;
     const Image& exact = probes.exact != nullptr ? *probes.exact : drawn;
     const Image& unstopped = probes.unstopped != nullptr ? *probes.unstopped : exact;
@@ -239,7 +191,7 @@ ErrorEstimate Renderer::State::estimate_error(const Image& image, const Scene& s
     }
     part = (1.0 - done) / (1.0 + (stops && exact ? 1.0 : 0.0));
     Image same_scene, whole;
-    Probes probes;
+    ErrorPictures probes;
     probes.drawn = &image;
     probes.halved = &finer;
     if (exact) {
@@ -252,7 +204,7 @@ ErrorEstimate Renderer::State::estimate_error(const Image& image, const Scene& s
     }
     RenderPlan plan = *image.plan;
     measure_light({scene, camera, image.size, none, progress, options_}, plan, true);
-    return estimate_from(probes, richardson_share(scene), plan.error_budget);
+    return sheetsplat::estimate_error(probes, scene.mode, scene.preintegration, plan.error_budget);
 }
 
 ErrorEstimate Renderer::estimate_error(const Image& image, const Scene& scene, const Camera& camera,

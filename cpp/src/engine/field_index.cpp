@@ -8,8 +8,8 @@
 
 #include "base/memory.hpp"
 #include "plan/tells_empty.hpp"
-#include "same_scene.hpp"
 #include "scene/mode_rules.hpp"
+#include "scene/same_scene.hpp"
 
 namespace sheetsplat {
 

@@ -4,12 +4,11 @@
 #include <cmath>
 #include <utility>
 
-#include "backend_cpu/tile_feed.hpp"
 #include "coarse_view.hpp"
 #include "error_estimate.hpp"
+#include "probe.hpp"
 #include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
-#include "spread.hpp"
 
 namespace sheetsplat {
 
@@ -26,59 +25,8 @@ constexpr double converged_close_share = 0.8;
 /// Requested errors from which on the picture that a pilot is compared with may be in float32.
 constexpr double plain_reference = 3e-5;
 constexpr int timed_pilots = 3;
-/// Edge of a tile of an excerpt, pixels, and how many of a picture's tiles it has: enough that its error is the
-/// picture's within some 20 %, few enough that it takes a small share of the picture's time.
-constexpr int excerpt_edge = 16;
-constexpr std::size_t least_tiles = 20, most_tiles = 64, tiles_of_picture = 16;
 /// Pixels of pictures that excerpts are taken of: larger ones are drawn with larger pixels.
 constexpr double most_excerpted = 1024.0 * 1024.0;
-
-/// Every so many-th tile of a picture, spread evenly; for a check others, half as many.
-Excerpt excerpt_of(Size size, bool checked) {
-    const backend_cpu::TileLayout layout(size, excerpt_edge);
-    const std::size_t all = layout.tiles();
-    const std::size_t wanted = std::min(std::clamp(all / tiles_of_picture, least_tiles, most_tiles), all / 2);
-    std::vector<std::uint8_t> passed(all, 0);
-    Excerpt excerpt{excerpt_edge, std::vector<std::uint8_t>(all, 0), 0.0, 0};
-    for (std::size_t number = 0, taken = 0; excerpt.tiles < (checked ? wanted / 2 : wanted); ++number) {
-        const auto [column, row] = spread(number, {layout.columns(), layout.rows()});
-        const std::size_t tile = static_cast<std::size_t>(row) * static_cast<std::size_t>(layout.columns()) +
-                                 static_cast<std::size_t>(column);
-        if (passed[tile] != 0) {
-            continue;
-        }
-        passed[tile] = 1;
-        if (!checked || taken >= wanted) {
-            const backend_cpu::TileShape shape = layout.shape(tile);
-            excerpt.drawn[tile] = 1;
-            excerpt.pixels += static_cast<double>(shape.width) * shape.height;
-            ++excerpt.tiles;
-        }
-        ++taken;
-    }
-    return excerpt;
-}
-
-/// Sum of squared differences over the pixels of a tile.
-double squares_in(const backend_cpu::TileShape& shape, int width, int channels, const std::vector<float>& picture,
-                  const std::vector<float>& reference) {
-    double sum = 0.0;
-    for (int y = shape.y; y < shape.y + shape.height; ++y) {
-        const std::size_t start = static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
-        const auto first = (start + static_cast<std::size_t>(shape.x)) * static_cast<std::size_t>(channels);
-        const auto count = static_cast<std::size_t>(shape.width) * static_cast<std::size_t>(channels);
-        for (std::size_t n = first; n < first + count; ++n) {
-            const double off = static_cast<double>(picture[n]) - static_cast<double>(reference[n]);
-            sum += std::isnan(off) ? 0.0 : off * off;
-        }
-    }
-    return sum;
-}
-
-double rmse(const Image& picture, const Image& reference) {
-    return picture.rgba.empty() ? compare(picture.scalar, reference.scalar, 1, Gaps::left_out).rmse
-                                : compare(picture.rgba, reference.rgba, 4).rmse;
-}
 
 } // namespace
 
@@ -98,7 +46,7 @@ Renderer::State::Pilots::Pilots(State& state, const Request& request, const Sett
         size_ = coarse_size(request.size, larger);
         camera_ = coarse_camera(request.camera, request.size, larger);
         scene_ = coarse_scene(request.scene, request.size, larger);
-        excerpt_ = excerpt_of(size_, part == Part::checked);
+        excerpt_ = spread_tiles(size_, part == Part::checked);
     }
     // The pilot with the largest pixels and slice distance: kernels that it draws suffice for all pilots.
     widest_ = prepared.frame;
@@ -112,7 +60,7 @@ std::optional<double> Renderer::State::Pilots::error(const Settings& settings) {
         const double spacing = settings.slice_spacing / start_.slice_spacing;
         const Image& reference = converged_for(spacing);
         const bool far = reference_spacing_ <= converged * spacing * (1.0 + 1e-9);
-        const double found = distance(picture, reference) / (far ? converged_share : converged_close_share);
+        const double found = distance(picture, reference, excerpt()) / (far ? converged_share : converged_close_share);
         return std::hypot(found, of_model(settings));
     } catch (const Unsupported&) {
     } catch (const InvalidInput&) {}
@@ -125,7 +73,7 @@ double Renderer::State::Pilots::stop_error(const Settings& settings) {
     }
     Settings unstopped = settings;
     unstopped.opacity_stop = 1.0;
-    return distance(draw(settings, false), draw(unstopped, false));
+    return distance(draw(settings, false), draw(unstopped, false), excerpt());
 }
 
 double Renderer::State::Pilots::seconds(const Settings& settings) {
@@ -164,7 +112,7 @@ double Renderer::State::Pilots::arithmetic() {
         return 0.0;
     }
     try {
-        return distance(draw(start_, false), draw(start_, true));
+        return distance(draw(start_, false), draw(start_, true), excerpt());
     } catch (const Unsupported&) {
         return 0.0;
     }
@@ -201,31 +149,6 @@ double Renderer::State::Pilots::of_model(const Settings& settings) {
     return of_model_[spacing] = *measured_over_estimated_ * model_error(estimated(settings).error_budget);
 }
 
-double Renderer::State::Pilots::distance(const Image& picture, const Image& reference) const {
-    if (!excerpt_) {
-        return rmse(picture, reference);
-    }
-    const bool scalar = picture.rgba.empty();
-    const int channels = scalar ? 1 : 4;
-    const backend_cpu::TileLayout layout(size_, excerpt_edge);
-    double sum = 0.0, squares = 0.0;
-    for (std::size_t tile = 0; tile < layout.tiles(); ++tile) {
-        if (excerpt_->drawn[tile] == 0) {
-            continue;
-        }
-        const backend_cpu::TileShape shape = layout.shape(tile);
-        const double own = squares_in(shape, size_.width, channels, scalar ? picture.scalar : picture.rgba,
-                                      scalar ? reference.scalar : reference.rgba) /
-                           (static_cast<double>(channels) * shape.width * shape.height);
-        sum += own;
-        squares += own * own;
-    }
-    const auto tiles = static_cast<double>(excerpt_->tiles);
-    const double mean = sum / tiles;
-    const double variance = std::max(0.0, squares / tiles - mean * mean) / std::max(tiles - 1.0, 1.0);
-    return std::sqrt(mean + std::sqrt(variance));
-}
-
 Image Renderer::State::Pilots::draw(const Settings& settings, bool exact) {
     // The reference would take minutes; backend cpu in float64 gives the same estimate.
     const bool slow = backend_ == Backend::reference;
@@ -233,8 +156,7 @@ Image Renderer::State::Pilots::draw(const Settings& settings, bool exact) {
     if (settings.precision != Precision::automatic) {
         options.precision = settings.precision;
     }
-    return state_.render({with_settings(scene_, settings), camera_, size_, no_outputs_, watch_, options,
-                          excerpt_ ? &*excerpt_ : nullptr},
+    return state_.render({with_settings(scene_, settings), camera_, size_, no_outputs_, watch_, options, excerpt()},
                          &widest_);
 }
 

@@ -37,8 +37,7 @@ class Renderer::State::Pilots : public Judge {
     [[nodiscard]] bool of_excerpts() const { return excerpt_.has_value(); }
 
   private:
-    /// Root mean square difference of two pilots; of excerpts, with their standard error on top.
-    [[nodiscard]] double distance(const Image& picture, const Image& reference) const;
+    [[nodiscard]] const Excerpt* excerpt() const { return excerpt_ ? &*excerpt_ : nullptr; }
     /// exact: in float64.
     Image draw(const Settings& settings, bool exact);
     /// The picture that pilots of a slice spacing are compared with.

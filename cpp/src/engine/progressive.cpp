@@ -108,16 +108,14 @@ std::vector<float> interpolated(const std::vector<float>& from, std::size_t chan
     return result;
 }
 
-const std::vector<float>& channels_of(const Image& image) { return image.rgba.empty() ? image.scalar : image.rgba; }
-std::size_t channel_count(const Image& image) { return image.rgba.empty() ? 1 : 4; }
-
 /// Distance of two stages, on the grid of the finer one, as section 8 measures it.
-double distance(const Coarse& coarse, const Coarse& fine, Size full) {
+double difference_of(const Coarse& coarse, const Coarse& fine, Size full) {
     const Grid from{coarse_size(full, coarse.step.pixels), coarse.step.pixels};
     const Grid to{coarse_size(full, fine.step.pixels), fine.step.pixels};
-    const std::vector<float> a =
-        interpolated(channels_of(coarse.image), channel_count(coarse.image), from, to, coarse.image.rgba.empty());
-    return compare(a, channels_of(fine.image), static_cast<int>(channel_count(fine.image)), Gaps::left_out).rmse;
+    Image seen;
+    seen.rgba = interpolated(coarse.image.rgba, 4, from, to);
+    seen.scalar = interpolated(coarse.image.scalar, 1, from, to, true);
+    return distance(seen, fine.image);
 }
 
 /// Where differences between stages shrink by the order p, what is left of them between `fine` and the last picture.
@@ -220,7 +218,7 @@ struct Stages::State {
             before = draw(*ahead, progress);
         }
         Coarse stage = draw(step, progress);
-        const double newer = distance(*before, stage, size);
+        const double newer = difference_of(*before, stage, size);
         const double order = order_of(newer);
         Image image = shown(stage, left_over(newer, before->step, step, order));
         difference = newer;

@@ -10,6 +10,8 @@
 #include "base/poll.hpp"
 #include "base/unusable.hpp"
 #include "error_estimate.hpp"
+#include "light/grids.hpp"
+#include "light_drawing.hpp"
 #include "renderer_state.hpp"
 #include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
@@ -124,6 +126,17 @@ const LightVolumes& light_of_part(const Part& part) {
     return *part.light;
 }
 
+/// request: of the scene that is drawn.
+LitView lit_view(const Request& request, const Prepared& prepared) {
+    return {request.scene,
+            request.camera,
+            request.size,
+            prepared.frame,
+            prepared.plan,
+            request.progress,
+            thread_count(request.options.threads)};
+}
+
 void require_part(const Scene& scene) {
     if (!scene.part) {
         throw InvalidInput(Complaint{"light of a whole cannot be drawn in parts", "a scene that is no part of a whole",
@@ -222,8 +235,8 @@ void Renderer::State::draw(const Request& asked, const Prepared& prepared, const
     Indexed indexed = find_drawn(asked, prepared, drawn_like);
     image.stats["seconds_index"] = seconds_since(indexing);
     if ((prepared.plan.shadows || prepared.plan.ambient_occlusion) && !prepared.plan.blank) {
-        indexed.volumes = request.scene.part ? light_of_part(*request.scene.part)
-                                             : light_.of(request, prepared, indexed, reach(), backends_.cpu(), image);
+        indexed.volumes =
+            request.scene.part ? light_of_part(*request.scene.part) : light_volumes(request, prepared, indexed, image);
     }
     if (prepared.plan.blank) {
         leave_blank(request, prepared, image);
@@ -265,6 +278,19 @@ void Renderer::State::draw_doubtful(const Request& asked, const Prepared& prepar
     copy_tiles(exact, excerpt, asked.size, image);
 }
 
+LightVolumes Renderer::State::light_volumes(const Request& request, const Prepared& prepared, const Indexed& indexed,
+                                            Image& image) {
+    std::vector<std::uint64_t> versions;
+    for (const RunsEntry* entry : indexed.runs) {
+        versions.push_back(entry->version);
+    }
+    for (const GridEntry* entry : indexed.grids) {
+        versions.push_back(entry->version);
+    }
+    return light_.of(lit_view(request, prepared), std::move(versions), reach(),
+                     fill_light(request, prepared, indexed, backends_.cpu()), image);
+}
+
 LightPlan Renderer::State::plan_light(const Request& request) {
     require_part(request.scene);
     if (request.scene.part->supports.empty()) {
@@ -274,7 +300,7 @@ LightPlan Renderer::State::plan_light(const Request& request) {
     const Prepared prepared = prepare(request);
     const DrawPlan& plan = prepared.plan;
     return (plan.shadows || plan.ambient_occlusion) && !plan.blank
-               ? make_light_plan(request.with(prepared.scene), prepared, reach())
+               ? make_light_plan(lit_view(request.with(prepared.scene), prepared), reach())
                : LightPlan{};
 }
 
@@ -283,7 +309,8 @@ std::vector<LightPiece> Renderer::State::light_pieces(const Request& request, co
     const PollScope polling([&request] { report_progress(request.progress, 0.0); });
     const Prepared prepared = prepare(request);
     const Indexed indexed = find_drawn(request, prepared, prepared.frame);
-    return pieces_of(light, request.with(prepared.scene), prepared, indexed, backends_.cpu());
+    const Request drawn = request.with(prepared.scene);
+    return pieces_of(light, drawn.scene, fill_light(drawn, prepared, indexed, backends_.cpu()));
 }
 
 std::vector<LightSpot> Renderer::State::light_spots(const Request& request, const std::vector<std::size_t>& numbers) {
@@ -291,14 +318,14 @@ std::vector<LightSpot> Renderer::State::light_spots(const Request& request, cons
     const PollScope polling([&request] { report_progress(request.progress, 0.0); });
     const Prepared prepared = prepare(request);
     return prepared.plan.blank ? std::vector<LightSpot>{}
-                               : light_probe_.spots(request.with(prepared.scene), prepared, numbers);
+                               : light_probe_.spots(lit_view(request.with(prepared.scene), prepared), numbers);
 }
 
-LightLines Renderer::State::light_lines(const Request& request, const std::vector<LightSpot>& spots) {
+LightLines Renderer::State::light_lines(const Request& request, const std::vector<LightSpot>& spots, std::size_t part) {
     require_light(request.scene);
     const PollScope polling([&request] { report_progress(request.progress, 0.0); });
     const Prepared prepared = prepare(request);
-    return light_probe_.lines(request.with(prepared.scene), prepared, spots);
+    return light_probe_.lines(lit_view(request.with(prepared.scene), prepared), spots, part);
 }
 
 bool Renderer::State::measure_light(const Request& request, RenderPlan& plan, bool anew) {
@@ -322,15 +349,15 @@ bool Renderer::State::measure_light(const Request& request, RenderPlan& plan, bo
     if (anew || !known) {
         const Prepared prepared = prepare(request);
         const Request drawn = request.with(prepared.scene);
-        if (prepared.plan.blank || (!anew && !LightErrorProbe::is_cheap(drawn, prepared))) {
+        if (prepared.plan.blank || (!anew && !LightErrorProbe::is_cheap(lit_view(drawn, prepared)))) {
             return false;
         }
         try {
             Image image;
             const Indexed indexed = find_drawn(request, prepared, prepared.frame);
-            const LightVolumes volumes = light_.of(drawn, prepared, indexed, reach(), backends_.cpu(), image);
+            const LightVolumes volumes = light_volumes(drawn, prepared, indexed, image);
             // Before the aggregate: where an element of one throws, GCC 12 destroys nested aggregates before it twice.
-            LightErrors errors = light_probe_.errors(drawn, prepared, volumes, light_.absorption());
+            LightErrors errors = light_probe_.errors(lit_view(drawn, prepared), volumes, light_.absorption());
             measured_ = std::make_unique<MeasuredLight>(
                 MeasuredLight{{request.scene, request.camera, request.size}, plan.backend, std::move(errors)});
         } catch (const OutOfMemory&) {
@@ -423,14 +450,14 @@ std::vector<LightSpot> Renderer::light_spots(const Scene& part, const Camera& ca
 }
 
 LightLines Renderer::light_lines(const Scene& part, const Camera& camera, Size size,
-                                 const std::vector<LightSpot>& spots, const Progress& progress) {
+                                 const std::vector<LightSpot>& spots, std::size_t number, const Progress& progress) {
     const Outputs none;
-    return state_->light_lines({part, camera, size, none, progress, state_->options()}, spots);
+    return state_->light_lines({part, camera, size, none, progress, state_->options()}, spots, number);
 }
 
 LightVolumes Renderer::light_volumes(const LightPlan& light, std::vector<LightVolume> grids,
                                      const Progress& progress) const {
-    return light_volumes_of(light, std::move(grids), state_->options().threads, progress);
+    return light_volumes_of(light, std::move(grids), thread_count(state_->options().threads), progress);
 }
 
 } // namespace sheetsplat

@@ -10,8 +10,8 @@
 #include "facts/field_survey.hpp"
 #include "field_index.hpp"
 #include "field_levels.hpp"
-#include "light_error.hpp"
-#include "light_volumes.hpp"
+#include "light/light_error.hpp"
+#include "light/volumes.hpp"
 #include "settings_choice.hpp"
 #include "sheetsplat/renderer.hpp"
 
@@ -45,7 +45,7 @@ struct Renderer::State {
     LightPlan plan_light(const Request& request);
     std::vector<LightPiece> light_pieces(const Request& request, const LightPlan& light);
     std::vector<LightSpot> light_spots(const Request& request, const std::vector<std::size_t>& numbers);
-    LightLines light_lines(const Request& request, const std::vector<LightSpot>& spots);
+    LightLines light_lines(const Request& request, const std::vector<LightSpot>& spots, std::size_t part);
 
     /// The scene with the fields of a level in the place of its own.
     Scene at_level(Scene scene, const Level& level, const Progress& progress);
@@ -59,6 +59,8 @@ struct Renderer::State {
     /// The fields of a scene, those that stand for them in coarser pictures, and their drawn forms.
     [[nodiscard]] std::vector<std::shared_ptr<const Field>> kept_fields(const Scene& asked);
     Indexed find_drawn(const Request& asked, const Prepared& prepared, const Frame& drawn_like);
+    /// request: of the scene that is drawn.
+    LightVolumes light_volumes(const Request& request, const Prepared& prepared, const Indexed& indexed, Image& image);
     void draw(const Request& asked, const Prepared& prepared, const Frame& drawn_like, Image& image);
     /// Draws tiles of backend gl whose light shows rounding again, on the processor. doubts: a pixel each.
     void draw_doubtful(const Request& asked, const Prepared& prepared, const std::vector<float>& doubts, Image& image);

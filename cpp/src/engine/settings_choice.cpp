@@ -13,8 +13,8 @@
 #include "error_estimate.hpp"
 #include "pilots.hpp"
 #include "plan/effect_table.hpp"
-#include "same_scene.hpp"
 #include "scene/mode_rules.hpp"
+#include "scene/same_scene.hpp"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat {

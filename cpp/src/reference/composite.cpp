@@ -254,8 +254,11 @@ Vec3 Compositor::gradient(const View& view, std::size_t ahead) const {
         return view.sheet(ahead).gradient[view.index()];
     }
     const std::array<const Sheet*, 4>& sheets = view.window.groups[view.group];
-    return gradient_eye(screen_, *sheets[ahead], *sheets[ahead + 1], *sheets[ahead + 2],
-                        slices_.depth(view.window.n + static_cast<std::int64_t>(ahead)), slices_.spacing,
+    const auto rho = [&](int slice, int column, int row) {
+        const Sheet& sheet = *sheets[ahead + static_cast<std::size_t>(slice + 1)];
+        return sheet.rho[sheet.index(column, row)];
+    };
+    return gradient_eye(screen_, rho, slices_.depth(view.window.n + static_cast<std::int64_t>(ahead)), slices_.spacing,
                         reference_distance_, view.pixel.column, view.pixel.row);
 }
 

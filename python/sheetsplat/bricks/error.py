@@ -1,18 +1,18 @@
 """How far a picture in bricks is from the converged one, by further pictures of its view in bricks.
 
-The same estimate as that of one process (``cpp/src/engine/error_estimate.cpp``): what is in front of a brick, sums and
+The estimate of one process (``cpp/src/engine/error_estimate.cpp``): what is in front of a brick, sums and
 extrema count in these pictures as they do in any other, so that no error of a brick has to be carried through others.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetsplat import _sheetsplat
 from sheetsplat.bricks.light_error import Measure
 from sheetsplat.bricks.partial import Finished, over_background
 from sheetsplat.bricks.view import BrickView
@@ -24,11 +24,9 @@ from sheetsplat.plan import RenderPlan
 #: Draws a picture without its further outputs.
 Draw = Callable[[BrickView, "Progress | None"], Finished]
 
-# Of the error of slices, the share that the picture at half their distance shows: errors of first order leave a half
-# of themselves in both, those of second order a quarter.
-_PLAIN, _SMOOTH = 1.0, 0.75
-# What the plan expects of light that is looked up in volumes, and is measured: all pictures of a view have it.
-_OF_LIGHT = ("shadows from a volume", "occlusion from a volume")
+# What the plan expects of light that is looked up in volumes, and is measured: all pictures of a view have it. Effects
+# by their causes.
+_OF_LIGHT = {"shadows from a volume": "shadows", "occlusion from a volume": "ambient_occlusion"}
 # Of all that is done, what the picture at half the slice distance is, and what measuring light is.
 _HALVED_WORK, _LIGHT_WORK = 0.5, 0.1
 
@@ -116,53 +114,26 @@ def _of_pictures(
 ) -> ErrorEstimate:
     """Return the estimate: `further` are at half the slice distance, in float64, and without a stop."""
     finer, exact, whole = further
-    known = np.zeros(0) if finer.scalar is None else finer.scalar[np.isfinite(finer.scalar)]
-    largest = max(1.0, float(np.abs(known).max(initial=0.0)))
-    smooth = view.mode in ("mip", "minimum", "isosurface") or (
-        view.mode == "composite" and bool(view.options["preintegration"])
+    # The pictures that it is compared with are drawn with all samples; rounding is far less.
+    levels = [("coarser levels", 1.0, "")]
+    others = [(cause, part, "") for cause, part in plan.error_budget.items() if cause not in _OF_LIGHT]
+    return ErrorEstimate.of_native(
+        _sheetsplat.estimate_error(
+            _pixels(drawn),
+            _pixels(exact),
+            None if whole is exact else _pixels(whole),
+            _pixels(finer),
+            mode=view.mode,
+            preintegration=bool(view.options["preintegration"]),
+            budget=[
+                *(others if view.allowed is None else levels),
+                *((cause, part, _OF_LIGHT[cause]) for cause, part in of_light.items()),
+            ],
+        )
     )
-    sliced = _squares(whole, finer, largest) / (_SMOOTH if smooth else _PLAIN) ** 2
-    rounded = _squares(drawn, exact, largest)
-    total = sliced + rounded
-    budget = {"slice distance": _root(sliced)}
-    if whole is not exact:
-        stopped = _squares(exact, whole, largest)
-        budget["opacity stop"] = _root(stopped)
-        total = total + stopped
-    others = {cause: part for cause, part in plan.error_budget.items() if cause not in _OF_LIGHT}
-    arithmetic, foreseen = _root(rounded), math.hypot(*others.values())
-    if view.allowed is not None:
-        # The others are drawn with all samples; rounding is far less.
-        budget["coarser levels"] = arithmetic
-    elif foreseen > 0.0:
-        budget |= {cause: arithmetic * part / foreseen for cause, part in others.items()}
-    elif arithmetic > 0.0:
-        budget["arithmetic"] = arithmetic
-    for cause, part in of_light.items():
-        spread = _by_opacity(drawn, part)
-        budget[cause] = _root(spread)
-        total = total + spread
-    return ErrorEstimate(_root(total), budget, np.sqrt(total).astype(np.float32))
 
 
-def _squares(one: Finished, other: Finished, scale: float) -> NDArray[np.float64]:
-    """Return mean squared differences over the channels, (h, w)."""
-    first, second = (picture.scalar if picture.rgba is None else picture.rgba for picture in (one, other))
-    assert first is not None and second is not None
-    found = np.square((first.astype(np.float64) - second) / scale)
-    # Where neither is a number they are the same.
-    found[np.isnan(first) & np.isnan(second)] = 0.0
-    result: NDArray[np.float64] = found if found.ndim == 2 else found.mean(axis=2)
-    return result
-
-
-def _by_opacity(drawn: Finished, error: float) -> NDArray[np.float64]:
-    """Return squares of an error, (h, w), in proportion to those of opacity; nothing where there is none."""
-    assert drawn.rgba is not None
-    found = np.square(drawn.rgba[..., 3].astype(np.float64))
-    mean = float(found.mean()) if found.size else 0.0
-    return found * (error**2 / mean if mean > 0.0 else 0.0)
-
-
-def _root(squares: NDArray[np.float64]) -> float:
-    return math.sqrt(float(squares.mean())) if squares.size else 0.0
+def _pixels(picture: Finished) -> NDArray[np.float32]:
+    found = picture.scalar if picture.rgba is None else picture.rgba
+    assert found is not None
+    return found

@@ -1,7 +1,7 @@
 """Shadows and ambient occlusion of fields in bricks: light volumes of the whole, made of what each brick holds.
 
 A light volume is made from a grid along the axes of the world, of absorption, or of the scalar in mode isosurface
-(``cpp/src/engine/light_grids.cpp``). Every brick fills the elements in its cell; the pieces of all bricks add up to the
+(``cpp/src/light/grids.cpp``). Every brick fills the elements in its cell; the pieces of all bricks add up to the
 grid of one process, and from it come the same volumes, which all bricks are drawn with.
 """
 

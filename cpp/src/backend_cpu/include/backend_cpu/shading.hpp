@@ -53,7 +53,7 @@ struct VolumeLookup {
     Vec3 constant{0.0}, by_column{0.0}, by_row{0.0}, by_depth{0.0};
 };
 
-/// view/surface_lines in the sheets' format: what is followed through grids of rho in mode isosurface.
+/// light/surface_lines in the sheets' format: what is followed through grids of rho in mode isosurface.
 template <class T>
 struct SurfaceLight {
     struct Surface {

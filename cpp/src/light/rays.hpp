@@ -1,4 +1,4 @@
-// How rays of light run through a grid of absorption, and which parts of the grid are looked at (view/light_march).
+// How rays of light run through a grid of absorption, and which parts of the grid are looked at (light/march).
 #pragma once
 
 #include <algorithm>

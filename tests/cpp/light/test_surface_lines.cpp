@@ -1,5 +1,5 @@
 // Lines towards lights through a grid of rho: which surfaces they count, and where they end.
-#include "view/surface_lines.hpp"
+#include "light/surface_lines.hpp"
 
 #include <cmath>
 #include <limits>

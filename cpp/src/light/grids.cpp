@@ -1,4 +1,4 @@
-#include "light_grids.hpp"
+#include "light/grids.hpp"
 
 #include <algorithm>
 #include <array>
@@ -11,9 +11,8 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
-#include "backend_choice.hpp"
+#include "light/surface_lines.hpp"
 #include "plan/limits_common.hpp"
-#include "view/surface_lines.hpp"
 
 namespace sheetsplat {
 
@@ -90,45 +89,6 @@ bool is_cut(const Scene& scene) {
                        [](const Group& group) { return group.transfer_function->has_steps(); });
 }
 
-/// The plan with which the opacity along a light is computed: point sampling, no shading, no outputs beside opacity.
-DrawPlan through(const DrawPlan& plan, const Scene& scene) {
-    DrawPlan made = plan;
-    made.mode = Mode::composite;
-    made.sampling = Sampling::point;
-    made.projection = Projection::orthographic;
-    made.preintegration = made.second_order = false;
-    made.gradient = made.lit = made.analytic_gradient = made.gradient_opacity = false;
-    made.specular = made.two_sided = made.depth_cue = made.shadows = made.ambient_occlusion = false;
-    made.stop = made.coverage = made.depth = false;
-    made.depth_limit = false; // It belongs to the picture's rays.
-    const std::vector<Group> groups = scene.groups();
-    made.empty_test = std::any_of(groups.begin(), groups.end(), [](const Group& group) {
-        return !group.transfer_function->transparent_over(0.0, 0.0);
-    });
-    made.weight = made.threshold || made.empty_test;
-    return made;
-}
-
-/// The plan with which rho of a group of fields is sampled.
-DrawPlan through_group(const DrawPlan& plan, const Scene& scene, const Group& group) {
-    DrawPlan made = through(plan, scene);
-    made.empty_test = false;
-    made.field_units.clear(); // Iso values hold for all groups.
-    made.own_sheets.assign(scene.fields.size(), -1);
-    int divided = 0;
-    for (std::size_t field = group.first; field < group.last; ++field) {
-        if (scene.fields[field]->normalization() == Normalization::threshold) {
-            made.own_sheets[field] = divided++;
-        }
-    }
-    // A single quotient needs no sheets of its own.
-    made.threshold = made.weight = divided > 0 && group.last - group.first == 1;
-    if (divided == 0 || made.threshold) {
-        made.own_sheets.clear();
-    }
-    return made;
-}
-
 /// Width of a pixel where the box of all supports is nearest. (The nearest kernel may be farther, which only those who
 /// have all of them know.)
 double smallest_pixel(const Frame& frame, const Camera& camera, const Box& supports) {
@@ -188,15 +148,11 @@ Box supports_of(const Scene& scene, const Reach& reach) {
     return all;
 }
 
-Camera along_z(const Vec3& eye, double height) {
-    return Camera::orthographic(eye, eye - Vec3(0.0, 0.0, 1.0), Vec3(0.0, 1.0, 0.0), height);
-}
-
 /// A grid of all supports with elements of about `wanted`, or as many as fit. Along z these are whole slice distances
 /// (steps_together of them are one); cubes: as across it, a slice each.
-LightGrid grid_around(const Box& supports, const Request& request, const DrawPlan& plan, double wanted,
-                      double most_elements, bool cubes = false) {
-    Scene scene = request.scene;
+LightGrid grid_around(const Box& supports, const LitView& view, double wanted, double most_elements,
+                      bool cubes = false) {
+    Scene scene = view.scene;
     LightGrid grid;
     grid.wanted = grid.step = wanted;
     const Vec3 lengths = supports.extent();
@@ -220,9 +176,9 @@ LightGrid grid_around(const Box& supports, const Request& request, const DrawPla
     widened.slice_spacing = grid.spacing;
     double longer = touching * grid.spacing;
     for (const auto& field : scene.fields) {
-        longer = std::max(longer, plan.filter ? filter_width(widened, field->kernel(), 0.0).along : 0.0);
+        longer = std::max(longer, view.plan.filter ? filter_width(widened, field->kernel(), 0.0).along : 0.0);
     }
-    const Camera camera = along_z(middle, grid.step * grid.size.height);
+    const Camera camera = camera_along_z(middle, grid.step * grid.size.height);
     constexpr double everywhere = std::numeric_limits<double>::infinity();
     Part whole{{Vec3(-everywhere), Vec3(everywhere)}, scene.centres_world(), {}};
     whole.depths = {middle.z - supports.upper.z - longer, middle.z - supports.lower.z + longer};
@@ -235,19 +191,8 @@ LightGrid grid_around(const Box& supports, const Request& request, const DrawPla
     return grid;
 }
 
-/// A box of a grid's elements and the slices in it.
-struct Cut {
-    std::array<int, 2> first{0, 0};
-    Size size{};
-    std::int64_t first_slice = 0, slices = 0; ///< of whole planes
-    /// Points along z, lower <= z < upper, that count.
-    double lower = -std::numeric_limits<double>::infinity(), upper = std::numeric_limits<double>::infinity();
-
-    [[nodiscard]] bool empty() const { return size.width < 1 || size.height < 1 || slices < 1; }
-};
-
 /// What of a grid lies in a cell. A face that two cells share divides elements and slices alike for both.
-Cut cut_of(const LightGrid& grid, const Box& cell) {
+LightCut cut_of(const LightGrid& grid, const Box& cell) {
     // The first element at or above a face, or below one, of a row that rises, or falls.
     const auto rising = [](double start, double step, double face, double count) {
         return std::clamp(std::ceil((face - start) / step), 0.0, count);
@@ -263,7 +208,7 @@ Cut cut_of(const LightGrid& grid, const Box& cell) {
     const auto slices = static_cast<double>(grid.slices);
     const double z0 = falling(grid.first.z, grid.spacing, cell.upper.z, slices);
     const double z1 = falling(grid.first.z, grid.spacing, cell.lower.z, slices);
-    Cut cut;
+    LightCut cut;
     cut.first = {static_cast<int>(x0), static_cast<int>(y0)};
     cut.size = {static_cast<int>(x1 - x0), static_cast<int>(y1 - y0)};
     if (z0 < z1) {
@@ -277,93 +222,18 @@ Cut cut_of(const LightGrid& grid, const Box& cell) {
     return cut;
 }
 
-Cut all_of(const LightGrid& grid) {
-    Cut all;
+LightCut all_of(const LightGrid& grid) {
+    LightCut all;
     all.size = grid.size;
     all.slices = grid.slices;
     return all;
 }
 
-std::size_t planes_of(const LightGrid& grid, const Cut& cut) {
-    return static_cast<std::size_t>((cut.slices + grid.every - 1) / grid.every);
-}
-
-/// Draws what is in a cut of a grid into its elements, which are 0. group: whose rho is drawn; null: absorption.
-void fill(const LightGrid& grid, const Cut& cut, const Group* group, const Request& asked, const Prepared& prepared,
-          const Indexed& indexed, backend_cpu::CpuRenderer& processor, float* values) {
-    Scene scene = asked.scene;
-    scene.reference_length = scene.reference_distance();
-    scene.slice_spacing = grid.spacing;
-    scene.depth_limit.reset();
-    DrawPlan plan = group == nullptr ? through(prepared.plan, scene) : through_group(prepared.plan, scene, *group);
-    plan.owned = scene.part && group == nullptr;
-    if (scene.part) {
-        constexpr double everywhere = std::numeric_limits<double>::infinity();
-        scene.part->cell = {Vec3(-everywhere, -everywhere, cut.lower), Vec3(everywhere, everywhere, cut.upper)};
-        scene.part->in_front.reset();
-        plan.owned = plan.owned && scene.part->cuts();
-    }
-    if (group != nullptr) {
-        scene.later_groups.clear(); // The fields of other groups are left out below.
-        if (scene.counted) {
-            scene.counted->ends.clear(); // Lines look beyond the end of a field.
-        }
-    }
-    const auto half = [](int count) { return 0.5 * (count - 1); };
-    const double deep = 0.5 * static_cast<double>(cut.slices - 1) * grid.spacing;
-    const Vec3 eye(grid.first.x + (cut.first[0] + half(cut.size.width)) * grid.step,
-                   grid.first.y - (cut.first[1] + half(cut.size.height)) * grid.step,
-                   grid.first.z - static_cast<double>(cut.first_slice) * grid.spacing - deep);
-    const Camera camera = along_z(eye, grid.step * cut.size.height);
-    Frame frame;
-    frame.projection = Projection::orthographic;
-    frame.size = cut.size;
-    frame.pixel = 2.0 * camera.half_height() / cut.size.height;
-    frame.axis_x = 0.5 * cut.size.width;
-    frame.axis_y = 0.5 * cut.size.height;
-    frame.slice_spacing = grid.spacing;
-    frame.reference_length = *scene.reference_length;
-    frame.near = -std::numeric_limits<double>::infinity();
-    frame.first_depth = -deep;
-    frame.slices = cut.slices;
-
-    const Request request = asked.with(scene);
-    std::vector<FieldView> lattices;
-    for (const std::size_t field : prepared.view_fields) {
-        lattices.push_back(make_field_view(*as_regular(scene.fields[field].get()), camera, frame, Sampling::point,
-                                           plan.unit_of(field), filter_of(plan)));
-    }
-    const std::vector<EllipsoidView> scattered = views_of(indexed, plan, camera, frame, Sampling::point);
-    backend_cpu::Job job = cpu_job(request, prepared, indexed, lattices, scattered, camera, frame, plan);
-    // Light comes before the picture, of which nothing is done yet.
-    const Progress nothing_yet =
-        request.progress ? Progress([&request](double) { return request.progress(0.0); }) : Progress();
-    job.progress = &nothing_yet;
-    if (group == nullptr) {
-        processor.absorb(job, grid.every, values);
-        const std::size_t elements =
-            planes_of(grid, cut) * static_cast<std::size_t>(cut.size.width) * static_cast<std::size_t>(cut.size.height);
-        const auto per_slice = static_cast<float>(asked.scene.slice_distance() / grid.spacing / grid.every);
-        std::transform(values, values + elements, values, [per_slice](float sum) { return per_slice * sum; });
-        return;
-    }
-    const auto of_others = [&group](const auto& part) {
-        return part.field < group->first || part.field >= group->last;
-    };
-    job.regular.erase(std::remove_if(job.regular.begin(), job.regular.end(), of_others), job.regular.end());
-    job.ellipsoids.erase(std::remove_if(job.ellipsoids.begin(), job.ellipsoids.end(), of_others), job.ellipsoids.end());
-    processor.sample(job, values);
-}
-
-LightVolume whole_on(const LightGrid& grid, const Group* group, const Request& request, const Prepared& prepared,
-                     const Indexed& indexed, backend_cpu::CpuRenderer& processor) {
-    LightVolume volume = laid_out(grid, group != nullptr);
-    fill(grid, all_of(grid), group, request, prepared, indexed, processor,
-         volume.values.data() + volume.index(0, 0, 1));
-    return volume;
-}
-
 } // namespace
+
+Camera camera_along_z(const Vec3& eye, double height) {
+    return Camera::orthographic(eye, eye - Vec3(0.0, 0.0, 1.0), Vec3(0.0, 1.0, 0.0), height);
+}
 
 bool shows_narrowly(const Scene& scene) {
     const std::vector<Group> groups = scene.groups();
@@ -394,14 +264,14 @@ bool shows_matter(const Scene& scene, const DrawPlan& plan, const LightVolume& a
     return !plan.filter && shows_kernels(scene, absorption) && !is_cut(scene);
 }
 
-LightPlan make_light_plan(const Request& request, const Prepared& prepared, const Reach& reach) {
-    const Scene& scene = request.scene;
-    const Frame& frame = prepared.frame;
+LightPlan make_light_plan(const LitView& view, const Reach& reach) {
+    const Scene& scene = view.scene;
+    const Frame& frame = view.frame;
     LightPlan light;
     light.slice_spacing = frame.slice_spacing;
-    light.surfaces = prepared.plan.mode == Mode::isosurface;
+    light.surfaces = view.plan.mode == Mode::isosurface;
     const std::size_t volumes =
-        light.surfaces ? scene.groups().size() : (prepared.plan.shadows ? scene.lights.size() : 0) + 2;
+        light.surfaces ? scene.groups().size() : (view.plan.shadows ? scene.lights.size() : 0) + 2;
     const double elements = std::min(static_cast<double>(most_light_elements),
                                      static_cast<double>(most_light_elements_of_all) / static_cast<double>(volumes));
     if (frame.slices == 0) {
@@ -409,8 +279,7 @@ LightPlan make_light_plan(const Request& request, const Prepared& prepared, cons
     }
     const Box supports = supports_of(scene, reach);
     if (light.surfaces) {
-        light.grids.assign(
-            volumes, grid_around(supports, request, prepared.plan, scalar_step * frame.slice_spacing, elements, true));
+        light.grids.assign(volumes, grid_around(supports, view, scalar_step * frame.slice_spacing, elements, true));
         return light;
     }
     // Kernels that a part does not have may be smaller.
@@ -422,58 +291,50 @@ LightPlan make_light_plan(const Request& request, const Prepared& prepared, cons
                 return number;
             }
         }
-        LightGrid grid = grid_around(supports, request, prepared.plan, step, elements);
-        grid.shows_matter = known && !prepared.plan.filter && !is_cut(scene) &&
+        LightGrid grid = grid_around(supports, view, step, elements);
+        grid.shows_matter = known && !view.plan.filter && !is_cut(scene) &&
                             shows_kernels(scene, std::max(grid.step, grid.spacing * grid.every));
         light.grids.push_back(grid);
         return light.grids.size() - 1;
     };
-    const double usual = light_step(frame, smallest_pixel(frame, request.camera, supports));
-    if (prepared.plan.shadows) {
+    const double usual = light_step(frame, smallest_pixel(frame, view.camera, supports));
+    if (view.plan.shadows) {
         for (const Light& one : scene.lights) {
-            light.lights.push_back(world_direction(one, request.camera));
+            light.lights.push_back(world_direction(one, view.camera));
         }
         light.light_grid = grid_of(usual);
     }
-    if (prepared.plan.ambient_occlusion) {
+    if (view.plan.ambient_occlusion) {
         light.radius = occlusion_steps(*scene.ambient_occlusion, frame.slice_spacing);
         const double step = open_step(frame, light.radius, usual);
         // From a grid twice as fine where slices are, and there is none of this step.
-        light.open_is_halved = !(prepared.plan.shadows && usual == step) && step >= 2.0 * frame.slice_spacing;
+        light.open_is_halved = !(view.plan.shadows && usual == step) && step >= 2.0 * frame.slice_spacing;
         light.open_grid = grid_of(light.open_is_halved ? 0.5 * step : step);
     }
     return light;
 }
 
-LightVolume absorption_on(const LightGrid& grid, const Request& request, const Prepared& prepared,
-                          const Indexed& indexed, backend_cpu::CpuRenderer& processor) {
-    return whole_on(grid, nullptr, request, prepared, indexed, processor);
+LightVolume filled(const LightGrid& grid, const Group* group, const FillLight& fill) {
+    LightVolume volume = laid_out(grid, group != nullptr);
+    fill(grid, all_of(grid), group, volume.values.data() + volume.index(0, 0, 1));
+    return volume;
 }
 
-LightVolume rho_on(const LightGrid& grid, const Group& group, const Request& request, const Prepared& prepared,
-                   const Indexed& indexed, backend_cpu::CpuRenderer& processor) {
-    return whole_on(grid, &group, request, prepared, indexed, processor);
-}
-
-std::vector<LightPiece> pieces_of(const LightPlan& light, const Request& request, const Prepared& prepared,
-                                  const Indexed& indexed, backend_cpu::CpuRenderer& processor) {
+std::vector<LightPiece> pieces_of(const LightPlan& light, const Scene& part, const FillLight& fill) {
     std::vector<LightPiece> pieces;
-    const std::vector<Group> groups = request.scene.groups();
+    const std::vector<Group> groups = part.groups();
     for (std::size_t number = 0; number < light.grids.size(); ++number) {
         const LightGrid& grid = light.grids[number];
-        const Cut cut = cut_of(grid, request.scene.part->cell);
+        const LightCut cut = cut_of(grid, part.part->cell);
         if (cut.empty()) {
             continue;
         }
-        const std::size_t planes = planes_of(grid, cut);
         LightPiece piece;
         piece.grid = number;
         piece.first = {cut.first[0], cut.first[1], static_cast<int>(cut.first_slice / grid.every) + 1};
-        piece.counts = {cut.size.width, cut.size.height, static_cast<int>(planes)};
-        piece.values.assign(
-            planes * static_cast<std::size_t>(cut.size.width) * static_cast<std::size_t>(cut.size.height), 0.0F);
-        fill(grid, cut, light.surfaces ? &groups[number] : nullptr, request, prepared, indexed, processor,
-             piece.values.data());
+        piece.counts = {cut.size.width, cut.size.height, static_cast<int>(cut.planes(grid))};
+        piece.values.assign(cut.elements(grid), 0.0F);
+        fill(grid, cut, light.surfaces ? &groups[number] : nullptr, piece.values.data());
         if (std::any_of(piece.values.begin(), piece.values.end(), [](float value) { return value != 0.0F; })) {
             pieces.push_back(std::move(piece));
         }

@@ -1,4 +1,4 @@
-#include "light_volumes.hpp"
+#include "light/volumes.hpp"
 
 #include <algorithm>
 #include <array>
@@ -6,15 +6,14 @@
 #include <new>
 #include <utility>
 
-#include "backend_choice.hpp"
 #include "base/clock.hpp"
 #include "base/poll.hpp"
 #include "base/threads.hpp"
+#include "light/march.hpp"
+#include "light/surface_lines.hpp"
 #include "plan/limits_common.hpp"
-#include "same_scene.hpp"
+#include "scene/same_scene.hpp"
 #include "sheetsplat/error.hpp"
-#include "view/light_march.hpp"
-#include "view/surface_lines.hpp"
 
 namespace sheetsplat {
 
@@ -35,7 +34,7 @@ class LightThreads {
     explicit LightThreads(int threads) : threads_(threads) {}
     ThreadPool& pool() {
         if (!pool_) {
-            pool_.reset(new ThreadPool(thread_count(threads_)));
+            pool_.reset(new ThreadPool(threads_));
         }
         return *pool_;
     }
@@ -140,11 +139,11 @@ void LightVolumeCache::tidy(const Scene& scene, std::size_t used) {
                    entries_.end());
 }
 
-LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepared, const Indexed& indexed,
-                                  const Reach& reach, backend_cpu::CpuRenderer& processor, Image& image) {
+LightVolumes LightVolumeCache::of(const LitView& view, std::vector<std::uint64_t> versions, const Reach& reach,
+                                  const FillLight& fill, Image& image) {
     const auto start = Clock::now();
-    const Scene& scene = request.scene;
-    const DrawPlan& plan = prepared.plan;
+    const Scene& scene = view.scene;
+    const DrawPlan& plan = view.plan;
     std::vector<TransferPoint> points;
     std::vector<std::size_t> groups;
     for (const Group& group : scene.groups()) {
@@ -154,23 +153,17 @@ LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepar
     }
     Origin origin{scene.fields,
                   std::move(groups),
-                  {},
+                  std::move(versions),
                   std::move(points),
                   plan.clip ? scene.clip : Clip{},
-                  prepared.frame.slice_spacing,
-                  prepared.frame.reference_length,
+                  view.frame.slice_spacing,
+                  view.frame.reference_length,
                   plan.value_unit,
                   plan.filter,
                   plan.precision};
-    for (const RunsEntry* entry : indexed.runs) {
-        origin.versions.push_back(entry->version);
-    }
-    for (const GridEntry* entry : indexed.grids) {
-        origin.versions.push_back(entry->version);
-    }
     std::size_t used = 0;
     LightVolumes volumes;
-    const LightPlan light = make_light_plan(request, prepared, reach);
+    const LightPlan light = make_light_plan(view, reach);
     try {
         if (light.surfaces && !light.grids.empty()) {
             // Neither what is transparent nor what is cut off matters to rho.
@@ -183,18 +176,17 @@ LightVolumes LightVolumeCache::of(const Request& request, const Prepared& prepar
                 Entry wanted{of_rho, Entry::Of::rho};
                 wanted.origin.groups = {casting[number].first, casting[number].last};
                 wanted.group = number;
-                volumes.groups.push_back(find(wanted, used, [&] {
-                    return rho_on(light.grids[number], casting[number], request, prepared, indexed, processor);
-                }));
+                volumes.groups.push_back(
+                    find(wanted, used, [&] { return filled(light.grids[number], &casting[number], fill); }));
             }
         }
         if (!light.surfaces && !light.grids.empty()) {
-            LightThreads threads(request.options.threads);
-            const std::function<void()> poll = [&request] { report_progress(request.progress, 0.0); };
+            LightThreads threads(view.threads);
+            const std::function<void()> poll = [&view] { report_progress(view.progress, 0.0); };
             const auto absorbed = [&](const LightGrid& grid) {
                 Entry wanted{origin, Entry::Of::absorption};
                 wanted.step = grid.wanted;
-                return find(wanted, used, [&] { return absorption_on(grid, request, prepared, indexed, processor); });
+                return find(wanted, used, [&] { return filled(grid, nullptr, fill); });
             };
             for (std::size_t number = 0; number < light.lights.size(); ++number) {
                 Entry wanted{origin, Entry::Of::transmittance};

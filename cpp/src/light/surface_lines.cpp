@@ -1,4 +1,4 @@
-#include "view/surface_lines.hpp"
+#include "light/surface_lines.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "view/light_march.hpp"
+#include "light/march.hpp"
 
 #include <algorithm>
 #include <array>
@@ -10,10 +10,10 @@
 #include <vector>
 
 #include "base/instruction_set.hpp"
-#include "light_rays.hpp"
+#include "rays.hpp"
 
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "light_march.cpp"
+#define HWY_TARGET_INCLUDE "march.cpp"
 #include "hwy/foreach_target.h"
 // (foreach_target includes this file once for each set, ahead of the others.)
 #include "hwy/highway.h"

@@ -1,4 +1,4 @@
-#include "view/light_blocks.hpp"
+#include "light/blocks.hpp"
 
 #include <algorithm>
 #include <limits>

@@ -1,5 +1,5 @@
 // Light through a grid of absorption, next to sums along lines; blocks of a volume.
-#include "view/light_march.hpp"
+#include "light/march.hpp"
 
 #include <algorithm>
 #include <array>
@@ -10,10 +10,10 @@
 #include <glm/geometric.hpp>
 #include <gtest/gtest.h>
 
-#include "light_rays.hpp"
+#include "light/blocks.hpp"
+#include "light/surface_lines.hpp"
+#include "rays.hpp"
 #include "support/draws.hpp"
-#include "view/light_blocks.hpp"
-#include "view/surface_lines.hpp"
 
 namespace sheetsplat {
 namespace {

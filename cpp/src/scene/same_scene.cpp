@@ -1,4 +1,4 @@
-#include "same_scene.hpp"
+#include "scene/same_scene.hpp"
 
 #include <algorithm>
 #include <vector>

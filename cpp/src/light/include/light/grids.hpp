@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "draw.hpp"
+#include "light/lit_view.hpp"
 #include "sheetsplat/light_volume.hpp"
 
 namespace sheetsplat {
@@ -23,17 +23,14 @@ bool shows_narrowly(const Scene& scene);
 bool shows_matter(const Scene& scene, const DrawPlan& plan, const LightVolume& absorption);
 
 /// What the light volumes of a picture are made from. Of a part: those of the whole, which Part::supports holds.
-LightPlan make_light_plan(const Request& request, const Prepared& prepared, const Reach& reach);
+LightPlan make_light_plan(const LitView& view, const Reach& reach);
 
-/// -ln(1 - alpha) of a slice distance, of all fields.
-LightVolume absorption_on(const LightGrid& grid, const Request& request, const Prepared& prepared,
-                          const Indexed& indexed, backend_cpu::CpuRenderer& processor);
-/// rho of a group of fields over DrawPlan::value_unit.
-LightVolume rho_on(const LightGrid& grid, const Group& group, const Request& request, const Prepared& prepared,
-                   const Indexed& indexed, backend_cpu::CpuRenderer& processor);
+/// A grid as a volume. group: FillLight. Throws OutOfMemory.
+LightVolume filled(const LightGrid& grid, const Group* group, const FillLight& fill);
+/// The camera whose rows of pixels are rows of grids.
+Camera camera_along_z(const Vec3& eye, double height);
 /// What lies in the cell of a part, of which elsewhere is nothing: boxes of elements that belong to no other part. (Of
 /// planes of several slices two parts may each have some.) Pieces of zeros are left out.
-std::vector<LightPiece> pieces_of(const LightPlan& light, const Request& request, const Prepared& prepared,
-                                  const Indexed& indexed, backend_cpu::CpuRenderer& processor);
+std::vector<LightPiece> pieces_of(const LightPlan& light, const Scene& part, const FillLight& fill);
 
 } // namespace sheetsplat

@@ -9,13 +9,13 @@
 #include <memory>
 #include <vector>
 
-#include "draw.hpp"
-#include "light_volumes.hpp"
+#include "light/blocks.hpp"
+#include "light/lit_view.hpp"
+#include "light/surface_lines.hpp"
+#include "light/volumes.hpp"
 #include "point_values.hpp"
 #include "reference/clip.hpp"
 #include "sheetsplat/light_volume.hpp"
-#include "view/light_blocks.hpp"
-#include "view/surface_lines.hpp"
 
 namespace sheetsplat {
 
@@ -28,16 +28,14 @@ using ClearOf = std::function<const ClearCells&()>;
 class LightAtPoints {
   public:
     /// absorption: what the volumes were made from; null where it is not there any more. values: of each field.
-    LightAtPoints(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
-                  const LightVolume* absorption, const BlocksOf& blocks, const ClearOf& clear,
-                  std::vector<std::shared_ptr<const PointValues>> values);
+    LightAtPoints(const LitView& lit, const LightVolumes& volumes, const LightVolume* absorption,
+                  const BlocksOf& blocks, const ClearOf& clear, std::vector<std::shared_ptr<const PointValues>> values);
 
     /// Whether light is followed along lines, from surfaces.
     [[nodiscard]] bool surfaces() const { return surfaces_; }
     [[nodiscard]] const std::vector<Group>& groups() const { return groups_; }
     /// Of all supports, with what a filter adds.
     [[nodiscard]] const Box& box() const { return box_; }
-    [[nodiscard]] const Vec3& to_light(std::size_t number) const { return to_lights_[number]; }
     /// Length of a slice distance in reference lengths.
     [[nodiscard]] double lengths() const { return lengths_; }
 
@@ -64,11 +62,6 @@ class LightAtPoints {
     }
     [[nodiscard]] bool clip_keeps(const Vec3& world) const;
 
-    /// By how much more of a light the picture shows than there is.
-    [[nodiscard]] double light_off(std::size_t number, const Vec3& world) const;
-    /// The same of what is open around a point.
-    [[nodiscard]] double open_off(const Vec3& world) const;
-
     /// What the picture shows of a light at a point, and of what is open around it.
     [[nodiscard]] double light_shown(std::size_t number, const Vec3& world) const;
     [[nodiscard]] double open_shown(const Vec3& world) const;
@@ -93,7 +86,6 @@ class LightAtPoints {
                                                   const LightVolume::Around& around) const;
     /// Steps to the last point where there is something on a line towards light. place, step: in the grid.
     [[nodiscard]] double last_step(const Vec3& world, const Vec3& direction, const Vec3& place, const Vec3& step) const;
-    [[nodiscard]] double line_off(const Vec3& world, const Vec3& direction, const Vec3& step, double steps) const;
     [[nodiscard]] double left_along(const Vec3& world, const Vec3& direction, double steps) const;
     [[nodiscard]] double absorbed_along(const Vec3& world, const Vec3& direction, const Vec3& step, double steps) const;
 

@@ -7,38 +7,33 @@
 #include <utility>
 #include <vector>
 
-#include "draw.hpp"
-#include "light_at_points.hpp"
-#include "point_values.hpp"
+#include "light/blocks.hpp"
+#include "light/lit_view.hpp"
 #include "sheetsplat/image.hpp"
 #include "sheetsplat/light_probe.hpp"
 #include "sheetsplat/light_volume.hpp"
-#include "view/light_blocks.hpp"
 
 namespace sheetsplat {
 
-/// Root mean square errors over the picture (conventions, section 8).
-struct LightErrors {
-    double shadows = 0.0, occlusion = 0.0;
-};
+class LightAtPoints;
+class PointValues;
 
 /// Looks at a few hundred pixels that show something, spread evenly over the picture, of a surface at a few thousand.
 /// The same picture has the same errors, on any number of threads.
 class LightErrorProbe {
   public:
     /// Whether that takes less time than a picture: of very many scattered kernels a grid would have to be made.
-    [[nodiscard]] static bool is_cheap(const Request& request, const Prepared& prepared);
+    [[nodiscard]] static bool is_cheap(const LitView& lit);
     /// Throws OutOfMemory, Cancelled.
     /// absorption: what the volumes were made from, where it is still there.
-    LightErrors errors(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
+    LightErrors errors(const LitView& lit, const LightVolumes& volumes,
                        const std::shared_ptr<const LightVolume>& absorption);
     /// What a part of a whole says (Renderer::light_spots, Renderer::light_lines). Throws OutOfMemory, Cancelled.
-    std::vector<LightSpot> spots(const Request& request, const Prepared& prepared,
-                                 const std::vector<std::size_t>& numbers);
-    LightLines lines(const Request& request, const Prepared& prepared, const std::vector<LightSpot>& spots);
+    std::vector<LightSpot> spots(const LitView& lit, const std::vector<std::size_t>& numbers);
+    LightLines lines(const LitView& lit, const std::vector<LightSpot>& spots, std::size_t part);
 
   private:
-    [[nodiscard]] LightAtPoints light_at(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
+    [[nodiscard]] LightAtPoints light_at(const LitView& lit, const LightVolumes& volumes,
                                          const std::shared_ptr<const LightVolume>& absorption);
     struct Known {
         std::shared_ptr<const Field> field;

@@ -9,9 +9,10 @@
 #include <memory>
 #include <vector>
 
-#include "light_grids.hpp"
+#include "light/grids.hpp"
+#include "light/march.hpp"
+#include "sheetsplat/image.hpp"
 #include "sheetsplat/light_volume.hpp"
-#include "view/light_march.hpp"
 
 namespace sheetsplat {
 
@@ -25,8 +26,9 @@ class LightVolumeCache {
   public:
     /// For a plan with shadows or ambient occlusion; volumes that it does not call for are left out. Adds to the stats
     /// seconds_light and bytes_light. Throws OutOfMemory, Cancelled.
-    LightVolumes of(const Request& request, const Prepared& prepared, const Indexed& indexed, const Reach& reach,
-                    backend_cpu::CpuRenderer& processor, Image& image);
+    /// versions: of what is drawn.
+    LightVolumes of(const LitView& view, std::vector<std::uint64_t> versions, const Reach& reach, const FillLight& fill,
+                    Image& image);
     /// The grid of absorption of the last volumes of(); null where there is none, or no longer.
     [[nodiscard]] std::shared_ptr<const LightVolume> absorption() const { return absorption_.lock(); }
 

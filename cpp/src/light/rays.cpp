@@ -1,4 +1,4 @@
-#include "light_rays.hpp"
+#include "rays.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "light_at_points.hpp"
+#include "at_points.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@
 #include <glm/common.hpp>
 #include <glm/vector_relational.hpp>
 
-#include "light_grids.hpp"
+#include "light/grids.hpp"
 #include "reference/classify.hpp"
 
 namespace sheetsplat {
@@ -46,10 +46,10 @@ Box cell_of(const Scene& scene) {
 
 } // namespace
 
-LightAtPoints::LightAtPoints(const Request& request, const Prepared& prepared, const LightVolumes& volumes,
-                             const LightVolume* absorption, const BlocksOf& blocks, const ClearOf& clear,
+LightAtPoints::LightAtPoints(const LitView& lit, const LightVolumes& volumes, const LightVolume* absorption,
+                             const BlocksOf& blocks, const ClearOf& clear,
                              std::vector<std::shared_ptr<const PointValues>> values)
-    : scene_(request.scene), camera_(request.camera), frame_(prepared.frame), plan_(prepared.plan), volumes_(volumes),
+    : scene_(lit.scene), camera_(lit.camera), frame_(lit.frame), plan_(lit.plan), volumes_(volumes),
       values_(std::move(values)), surfaces_(!volumes.groups.empty()), groups_(scene_.groups()),
       clipping_(scene_, camera_), cell_(cell_of(scene_)), box_(supports_world(scene_)),
       lengths_(frame_.slice_spacing / frame_.reference_length), together_(steps_together(scene_)) {
@@ -150,23 +150,6 @@ bool LightAtPoints::clip_keeps(const Vec3& world) const {
     return scene_.clip.empty() || clipping_.keeps(camera_.to_eye(world));
 }
 
-double LightAtPoints::light_off(std::size_t number, const Vec3& world) const {
-    if (surfaces_) {
-        return line_off(world, to_lights_[number], lines_.to_lights[number], all_steps);
-    }
-    return light_shown(number, world) - left_along(world, to_lights_[number], all_steps);
-}
-
-double LightAtPoints::open_off(const Vec3& world) const {
-    double sum = 0.0;
-    for (std::size_t n = 0; n < around_.size(); ++n) {
-        sum += surfaces_ ? line_off(world, around_[n], lines_.around[n], occlusion_steps_)
-                         : -left_along(world, around_[n], occlusion_steps_);
-    }
-    sum /= static_cast<double>(around_.size());
-    return surfaces_ ? sum : sum + open_shown(world);
-}
-
 double LightAtPoints::light_shown(std::size_t number, const Vec3& world) const {
     if (surfaces_) {
         const LightVolume& grid = *volumes_.groups.front();
@@ -227,36 +210,6 @@ double LightAtPoints::last_step(const Vec3& world, const Vec3& direction, const 
     // The grid has the supports as they are, of which a filter makes wider ones.
     return plan_.filter ? std::floor(within(box_, world, direction).second / frame_.slice_spacing) + 1.0
                         : lines_.last_step_in_grid(place, step);
-}
-
-// What a line through the grid of rho leaves of light, less what the definition leaves. rho is computed from the
-// kernels where the grid leaves open on which side of a surface a point is.
-double LightAtPoints::line_off(const Vec3& world, const Vec3& direction, const Vec3& step, double steps) const {
-    const Vec3 place = volumes_.groups.front()->place_of(world);
-    const double end = std::min(last_step(world, direction, place, step), steps);
-    double absorbed = 0.0, drawn = 0.0;
-    for (std::size_t group = 0; group < groups_.size(); ++group) {
-        const SurfaceLines::Run run = lines_.run_kept(group, place, step);
-        double before = 0.0, drawn_before = 0.0;
-        for (double point = run.first; point <= std::min(run.last, end); point += 1.0) {
-            if (absorbed >= SurfaceLines::opaque && drawn >= SurfaceLines::opaque) {
-                break;
-            }
-            const Vec3 there = place + point * step;
-            double here = side_at(group, there), drawn_here = here;
-            if (here == mixed) {
-                const LightVolume::Around around = volumes_.groups[group]->around(there);
-                const Vec3 at = world + point * frame_.slice_spacing * direction;
-                drawn_here = lines_.absorbed_below(group, around.number);
-                here = absorbed_below(group, side_in_cell(group, at, around).rho);
-            }
-            absorbed += point > run.first ? std::abs(here - before) : 0.0;
-            drawn += point > run.first ? std::abs(drawn_here - drawn_before) : 0.0;
-            before = here;
-            drawn_before = drawn_here;
-        }
-    }
-    return SurfaceLines::left_of(drawn) - SurfaceLines::left_of(absorbed);
 }
 
 // What surfaces in the cell absorb on a line: those between a point in it and the one before.

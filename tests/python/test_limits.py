@@ -200,7 +200,7 @@ CASES = [
         lattice(), mode="isosurface", iso_value=1 / x)),
     Case("alike", "float32", 0.98e5, 1.02e5, lambda x: plain(coincident(x, 0.5))),
     Case("alike", "sheets", 0.98e5, 1.02e5, lambda x: plain(coincident(x, 0.5))),
-    Case("weights_in_slabs", "float32", 970, 990, lambda x: plain(heavy(x), sampling="slab")),
+    Case("weights_in_slabs", "float32", 290, 298, lambda x: plain(heavy(x), sampling="slab")),
     Case("weights_in_slabs", "float64", 0.97e15, 0.99e15, lambda x: plain(heavy(x), sampling="slab")),
     Case("crowded_weights_in_slabs", "sheets", 2.3e4, 2.6e4, lambda x: plain(heavy(x), sampling="slab")),
 ]  # fmt: skip

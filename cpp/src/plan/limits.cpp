@@ -274,10 +274,10 @@ const std::vector<Limit>& limits() {
          "ellipsoids of one size at one place: {}",
          "make one kernel of them",
          [](const Measures& m) { return m.view.overlap.alike * times_of(m.sums); }},
-        // Where W is w0: at 1e3 seen at 2e-5, at 1e4 at 5e-4 (P99.9), in float64 at 4e16 at 3e-3.
+        // Where W is w0: at 1e3 seen at 2e-5, at 1e4 at 5e-4 (P99.9), lit at 340 at 2e-3; in float64 at 4e16 at 3e-3.
         {"weights_in_slabs",
          most,
-         {1e3, 1e15, none, none, none},
+         {300, 1e15, none, none, none},
          "means over slabs with weights of {} times w0",
          "use a larger " + option_ref("w0") + ", or leave out " + option_ref("sampling", "slab"),
          [](const Measures& m) { return weights_in_slabs(m.plan.sampling, m.sums); }},

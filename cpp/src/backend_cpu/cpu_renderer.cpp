@@ -213,20 +213,16 @@ void refuse_beyond(const Job& job, const TileLayout& layout, const std::vector<d
     const TileShape shape = layout.shape(static_cast<std::size_t>(worst - errors.begin()));
     const bool forced = job.plan->precision == Precision::float32 && !job.plan->exact_tiles;
     const auto pixels = [](int first, int count) { return text_of(first) + " to " + text_of(first + count - 1); };
-    throw Unsupported(Complaint{
-        "the picture cannot be made within its error bound with " +
-            std::string(forced ? "precision float32" : "backend cpu"),
-        (is_scalar(job.plan->mode) ? "numbers as small as the rounding of the sums that they come from"
-                                   : "lit gradients as weak as rounding, most in columns " +
-                                         pixels(shape.x, shape.width) + ", rows " + pixels(shape.y, shape.height)) +
-            ": an error of about " + text_of(error, 2),
-        "at most " + text_of(job.plan->bound, 2),
-        (forced ? "leave out " + option_ref("precision")
-         : is_scalar(job.plan->mode)
-             ? "scale the weights"
-             : "use a smaller " + option_ref("reference_length") + ", or leave out the lights") +
-            ", or pass " + option_ref("allow_inexact", "true"),
-        forced ? "precision" : ""});
+    throw Unsupported(
+        Complaint{"the picture cannot be made within its error bound with " +
+                      std::string(forced ? "precision float32" : "backend cpu"),
+                  "lit gradients as weak as rounding, most in columns " + pixels(shape.x, shape.width) + ", rows " +
+                      pixels(shape.y, shape.height) + ": an error of about " + text_of(error, 2),
+                  "at most " + text_of(job.plan->bound, 2),
+                  (forced ? "leave out " + option_ref("precision")
+                          : "use a smaller " + option_ref("reference_length") + ", or leave out the lights") +
+                      ", or pass " + option_ref("allow_inexact", "true"),
+                  forced ? "precision" : ""});
 }
 
 [[noreturn]] void out_of_memory() {
@@ -390,14 +386,17 @@ struct CpuRenderer::State {
     void draw(const Job& job, const TileLayout& layout, const SliceRecord* record, Report& tell, Image& image) {
         const auto start = Clock::now();
         image.stats["kernels_drawn"] = image.stats["sections_drawn"] = image.stats["bytes_device"] = 0.0;
-        const std::vector<double> errors = draw_measured<T>(job, layout, record, tell, image);
+        std::vector<double> errors = draw_tiles<T>(job, layout, record, tell, image);
         std::size_t exact = std::is_same_v<T, float> ? 0 : layout.tiles();
         if (std::is_same_v<T, float> && job.plan->exact_tiles) {
+            if (record == nullptr && job.plan->extremes_rounding > 0.0) {
+                std::fill(errors.begin(), errors.end(), error_of_extremes(*job.plan, image.scalar, float32_epsilon));
+            }
             const std::vector<std::uint8_t> again = doubtful_tiles(layout, errors, job.plan->bound);
             exact = static_cast<std::size_t>(std::count(again.begin(), again.end(), 1));
             if (exact > 0) {
                 const TileLayout left = layout.only(again);
-                refuse_beyond(job, left, draw_measured<double>(job, left, record, tell, image));
+                refuse_beyond(job, left, draw_tiles<double>(job, left, record, tell, image));
             }
         } else {
             refuse_beyond(job, layout, errors);
@@ -410,19 +409,7 @@ struct CpuRenderer::State {
         image.stats["seconds_draw"] = seconds_since(start);
     }
 
-    /// Returns the error of each tile, root mean square, as far as it depends on what is drawn.
-    template <class T>
-    std::vector<double> draw_measured(const Job& job, const TileLayout& layout, const SliceRecord* record, Report& tell,
-                                      Image& image) {
-        std::vector<double> errors = draw_tiles<T>(job, layout, record, tell, image);
-        if (record == nullptr && job.plan->extremes_rounding > 0.0) {
-            const double epsilon = std::is_same_v<T, float> ? float32_epsilon : float64_epsilon;
-            std::fill(errors.begin(), errors.end(), error_of_extremes(*job.plan, image.scalar, epsilon));
-        }
-        return errors;
-    }
-
-    /// Returns the error of each tile as far as light shows the rounding of rho.
+    /// Returns the error of each tile, root mean square, as far as light shows the rounding of rho.
     template <class T>
     std::vector<double> draw_tiles(const Job& job, const TileLayout& layout, const SliceRecord* record, Report& tell,
                                    Image& image) {

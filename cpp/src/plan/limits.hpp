@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <limits>
 #include <optional>
 #include <string>
@@ -46,7 +47,8 @@ struct Limit {
 
     [[nodiscard]] bool keeps(double number, Way way) const {
         const double end = ends[static_cast<std::size_t>(way)];
-        return !(sense == Sense::most ? number > end : number < end);
+        // (Which raise nothing where a number is none.)
+        return !(sense == Sense::most ? std::isgreater(number, end) : std::isless(number, end));
     }
 };
 

@@ -18,6 +18,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <type_traits>
+#include <utility>
 
 #include "backend_cpu/measured.hpp"
 #include "backend_cpu/tile_task.hpp"
@@ -386,6 +387,32 @@ class RowSums {
     HWY_ALIGN T depth_[most_factors * together];   ///< [term][kernel]
     HWY_ALIGN T factors_[most_factors * together]; ///< [row][term][kernel]
 };
+
+/// Adds the kernels of a lattice to a plane of the tile's picture; kept: where clipping takes slices away. Returns how
+/// many sections that were.
+template <class T>
+std::uint64_t sum_lattice(const LoopSetup<T>& setup, const PartProfile<T>& profile, const RowShape<T>& shape,
+                          const FieldView& view, RowFeed<T>& feed, const KeptOfPixels<T>* kept, const TileShape& tile,
+                          TileScratch<T>& scratch, T* plane) {
+    RowSums<T> sums(profile, shape, view.value_scale, view.field->counted_from(), tile, setup.shading->scalar_step,
+                    scratch, plane);
+    const Vec3 step = feed.step_of_places();
+    const auto cuts = feed.row_cuts(setup.shading->kept);
+    feed.for_each_stretch([&](const auto* values, const Vec3& eye, std::uint32_t count) {
+        const Vec3 place = feed.place_of(eye);
+        const auto from = [&](std::uint32_t i) { return place + static_cast<double>(i) * step; };
+        const auto [begin, end] = kept == nullptr ? std::pair(0U, count) : feed.wholly_kept(cuts, eye, count);
+        if (begin > 0) {
+            sums.add_cut(*kept, values, place, step, begin);
+        }
+        sums.add(values + begin, from(begin), step, end - begin);
+        if (end < count) {
+            sums.add_cut(*kept, values + end, from(end), step, count - end);
+        }
+    });
+    sums.flush();
+    return sums.sections();
+}
 
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();

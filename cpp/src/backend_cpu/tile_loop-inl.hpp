@@ -114,8 +114,8 @@ class TileLoop {
             feed.begin();
             return false;
         }
-        scratch_.sections_drawn += sum_lattice(setup_, part.profile(), shape, *rows.view, feed,
-                                               kept_ ? &*kept_ : nullptr, shape_, scratch_, scratch_.planes.scalar);
+        scratch_.sections_drawn += sum_lattice(setup_, part.profile(), shape, feed, kept_ ? &*kept_ : nullptr, shape_,
+                                               scratch_, scratch_.planes.scalar);
         return true;
     }
 

@@ -89,7 +89,7 @@ HWY_NOINLINE void light_dimmed(const Slab<T>& slab, EffectRow<T>& row, const Gra
     const auto in = [&](const VolumeLookup& lookup) {
         return VolumeRow<T>(lookup, perspective, slab.shape.x, slab.shape.y + row.y, depth, shading.slice_spacing);
     };
-    const auto lit = [&](int x, int number, auto visible, const auto& dimming) SHEETSPLAT_CPU_INLINE {
+    const auto lit = [&](int x, int number, auto visible, const auto& dimming) {
         Color<D> color = row.color(d, number);
         if (shading.lit) {
             auto per_size = hn::Zero(d);

@@ -12,7 +12,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
-#include <vector>
 
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
@@ -88,23 +87,21 @@ class RowFeed {
         }
     }
 
-    /// Calls visit(values, eye, count) for neighbouring drawn samples of each row: their kernels' values, the first
-    /// one's place, how many. In place of batches.
+    /// Calls visit(sample, eye, count) for neighbouring drawn samples of each row: the first one's number and place,
+    /// how many. In place of batches.
     template <class Visit>
     void for_each_stretch(const Visit& visit) {
         kernels_.counted = 0;
-        std::vector<T> values;
         for (const RowPart* part = begin_; part != end_; ++part) {
             kernels_.counted += owned(*part);
             poll_after(part->end - part->begin);
             for_each_run(*part, part->begin, part->end, [&](const Run&, std::uint32_t begin, std::uint32_t end) {
-                values.resize(end - begin);
-                reader_.read(row_begin(part->row) + begin, end - begin, values.data());
-                visit(values.data(), eye_of(part->row, begin), end - begin);
+                visit(row_begin(part->row) + begin, eye_of(part->row, begin), end - begin);
             });
         }
         batch_ = batches_;
     }
+    [[nodiscard]] const SampleReader<T>& reader() const { return reader_; }
 
     /// A half space beside the samples of a row.
     struct RowCut {
@@ -221,6 +218,8 @@ class RowFeed {
             }
         }
     }
+
+    static constexpr std::ptrdiff_t pieces_ahead = 4;
 
     /// In any unit of length; what is too small for its inverse is 0.
     static constexpr double least_step = std::numeric_limits<double>::min();
@@ -475,6 +474,10 @@ class RowFeed {
         const std::int32_t* slot = rows.slots.data();
         for (const RowBatches::Piece& piece : rows.pieces) {
             const RowBatches::Stretch& stretch = rows.stretches[piece.stretch];
+            if (rows.pieces.data() + rows.pieces.size() - &piece > pieces_ahead) {
+                const RowBatches::Piece& later = (&piece)[pieces_ahead];
+                reader_.fetch(rows.stretches[later.stretch].first_sample + later.from);
+            }
             // Numbers first; then each to its place.
             T a1[fed_together], a2[fed_together], s[fed_together], value[fed_together];
             reader_.read(stretch.first_sample + piece.from, piece.count, value);
@@ -502,10 +505,15 @@ class RowFeed {
     void one_by_one() {
         const double spacing = frame_.slice_spacing;
         const T weight = static_cast<T>(view_.weight_scale);
-        for_each_stretch([&](const T* values, const Vec3& eye, std::uint32_t count) {
+        for_each_stretch([&](std::size_t sample, const Vec3& eye, std::uint32_t count) {
             const double start = depth_of(eye);
             const Vec3 unit = unit_at(eye);
+            T values[fed_together];
             for (std::uint32_t i = 0; i < count; ++i) {
+                const std::uint32_t in_piece = i % fed_together;
+                if (in_piece == 0) {
+                    reader_.read(sample + i, std::min(fed_together, count - i), values);
+                }
                 const auto along = static_cast<double>(i);
                 const double depth = start + along * step_;
                 const double first = first_of(depth), last = last_of(depth);
@@ -518,7 +526,7 @@ class RowFeed {
                 extra.last = static_cast<std::int32_t>(last);
                 const Vec3 place_eye = eye + along * view_.step_i;
                 if (view_.unfiltered) {
-                    add_filtered(place_eye, values[i], section, extra);
+                    add_filtered(place_eye, values[in_piece], section, extra);
                     continue;
                 }
                 if (!place(box_of(place_eye, first, last, view_.extent_x, view_.extent_y), tile_, extra)) {
@@ -528,7 +536,7 @@ class RowFeed {
                 section.a1 = static_cast<T>(unit.x + along * step_unit_.x + first * step_slice_.x);
                 section.a2 = static_cast<T>(unit.y + along * step_unit_.y + first * step_slice_.y);
                 section.s = static_cast<T>((depth - first) * spacing * per_half_depth_);
-                section.value = values[i];
+                section.value = values[in_piece];
                 kernels_.unsorted.push_back(section);
                 kernels_.unsorted_extras.push_back(extra);
             }

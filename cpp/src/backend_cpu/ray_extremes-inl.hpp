@@ -67,9 +67,7 @@ class LatticePoints final : public Points<T> {
         const hn::CappedTag<T, 16> d;
         const int lanes = static_cast<int>(hn::Lanes(d));
         const double floors[3] = {std::floor(place.x), std::floor(place.y), std::floor(place.z)};
-        const auto offset = [&](int axis) SHEETSPLAT_CPU_INLINE {
-            return hn::Set(d, static_cast<T>(place[axis] - floors[axis]));
-        };
+        const auto offset = [&](int axis) { return hn::Set(d, static_cast<T>(place[axis] - floors[axis])); };
         // Rows of a layer lie `row` elements apart; what lies between counts as 0.
         HWY_ALIGN T values[width * layer];
         load_(*this, static_cast<std::int64_t>(floors[0]) - (half - 1),

@@ -164,7 +164,7 @@ struct Slab {
     /// At the depth of the slice or interval.
     HWY_INLINE V put_behind(D d, std::ptrdiff_t at, int y, M visible, V so_far, V alpha, const Color<D>& color) const {
         return put_behind(d, at, y, visible, so_far, alpha, color,
-                          [&]() SHEETSPLAT_CPU_INLINE { return hn::Set(d, static_cast<T>(reported_depth())); });
+                          [&]() { return hn::Set(d, static_cast<T>(reported_depth())); });
     }
     /// Depths `share` slice distances behind slice n.
     HWY_INLINE V depth_behind(D d, V share) const {

@@ -59,11 +59,11 @@ HWY_NOINLINE void add_slices(const Slab<T>& slab) {
     const V exponent = hn::Set(d, shading.exponent);
     for_each_vector(
         slab,
-        [&](int x, int y) SHEETSPLAT_CPU_INLINE {
+        [&](int x, int y) {
             const V rho = slab.rho(d, 1, y, x);
             return slab.reached(d, hn::And(hn::Gt(rho, below), hn::Lt(rho, above)), 0, y, x);
         },
-        [&](int x, int y, M visible, V so_far) SHEETSPLAT_CPU_INLINE {
+        [&](int x, int y, M visible, V so_far) {
             typename Table::Place place;
             const auto ray = slab.template ray_if<perspective>(d, x, y);
             V alpha = hn::IfThenElseZero(visible, table.opacity(d, slab.rho(d, 1, y, x), place));
@@ -109,13 +109,13 @@ HWY_NOINLINE void add_intervals(const Slab<T>& slab) {
     const V exponent = hn::Set(d, shading.exponent);
     for_each_vector(
         slab,
-        [&](int x, int y) SHEETSPLAT_CPU_INLINE {
+        [&](int x, int y) {
             const V front = slab.rho(d, 1, y, x), back = slab.rho(d, 2, y, x);
             const M some = hn::And(hn::Gt(hn::Max(front, back), below), hn::Lt(hn::Min(front, back), above));
             const M reached = slab.reached(d, some, 0, y, x);
             return hn::Or(reached, slab.reached(d, hn::AndNot(reached, some), 1, y, x));
         },
-        [&](int x, int y, M visible, V so_far) SHEETSPLAT_CPU_INLINE {
+        [&](int x, int y, M visible, V so_far) {
             const auto ray = slab.template ray_if<perspective>(d, x, y);
             Color<typename Slab<T>::D> color;
             const V mean =
@@ -151,10 +151,8 @@ HWY_NOINLINE void find_crossings(const Slab<T>& slab) {
     const V iso = hn::Set(d, surface.value);
     for_each_vector(
         slab,
-        [&](int x, int y) SHEETSPLAT_CPU_INLINE {
-            return hn::Xor(hn::Lt(slab.rho(d, 1, y, x), iso), hn::Lt(slab.rho(d, 2, y, x), iso));
-        },
-        [&](int x, int y, M found, V) SHEETSPLAT_CPU_INLINE {
+        [&](int x, int y) { return hn::Xor(hn::Lt(slab.rho(d, 1, y, x), iso), hn::Lt(slab.rho(d, 2, y, x), iso)); },
+        [&](int x, int y, M found, V) {
             const V share = crossing(d, slab.rho(d, 1, y, x), slab.rho(d, 2, y, x), iso, found);
             auto color = iso_color(d, surface);
             if (shading.lit) {
@@ -189,7 +187,7 @@ HWY_INLINE void for_each_kept(const Slab<T>& slab, const Visit& visit) {
 template <bool cuts, class T, class Visit>
 HWY_INLINE void for_each_in_sheet(const Slab<T>& slab, const T* sheet, const Visit& visit) {
     const typename Slab<T>::D d;
-    for_each_kept<cuts>(slab, [&](int x, int y, const Columns& kept) SHEETSPLAT_CPU_INLINE {
+    for_each_kept<cuts>(slab, [&](int x, int y, const Columns& kept) {
         auto value = hn::LoadU(d, sheet + slab.in_sheet(y) + x);
         if constexpr (cuts) {
             value = hn::IfThenElseZero(slab.owned(d, slab.kept(d, hn::Eq(value, value), 0, y, x, kept), y, x), value);
@@ -204,7 +202,7 @@ template <bool cuts, class T>
 HWY_NOINLINE void add_sheet(const Slab<T>& slab, const T* sheet, T step, T* plane, bool weights) {
     using V = typename Slab<T>::V;
     const typename Slab<T>::D d;
-    for_each_in_sheet<cuts>(slab, sheet, [&](int x, int y, V value) SHEETSPLAT_CPU_INLINE {
+    for_each_in_sheet<cuts>(slab, sheet, [&](int x, int y, V value) {
         if (hn::AllTrue(d, hn::Eq(value, hn::Zero(d)))) {
             return;
         }
@@ -221,7 +219,7 @@ HWY_NOINLINE void add_sheet(const Slab<T>& slab, const T* sheet, T step, T* plan
 template <bool cuts, class T, class Visit>
 HWY_INLINE void for_each_reached(const Slab<T>& slab, const Visit& visit) {
     const typename Slab<T>::D d;
-    for_each_kept<cuts>(slab, [&](int x, int y, const Columns& kept) SHEETSPLAT_CPU_INLINE {
+    for_each_kept<cuts>(slab, [&](int x, int y, const Columns& kept) {
         auto reached = slab.weighs(d, hn::LoadU(d, slab.sheets.weight[0] + slab.in_sheet(y) + x));
         if constexpr (cuts) {
             reached = slab.owned(d, slab.kept(d, reached, 0, y, x, kept), y, x);
@@ -240,7 +238,7 @@ HWY_NOINLINE void find_extreme(const Slab<T>& slab) {
     const typename Slab<T>::D d;
     const V step = hn::Set(d, slab.shading.scalar_step);
     const bool largest = slab.shading.mode == Mode::mip;
-    for_each_reached<cuts>(slab, [&](int x, int y, M reached) SHEETSPLAT_CPU_INLINE {
+    for_each_reached<cuts>(slab, [&](int x, int y, M reached) {
         T* to = slab.picture.scalar + slab.in_plane(y) + x;
         const V found = hn::LoadU(d, to);
         const V value = hn::Mul(slab.rho(d, 1, y, x), step);
@@ -256,9 +254,9 @@ HWY_NOINLINE void add_counted(const Slab<T>& slab) {
     using M = typename Slab<T>::M;
     const typename Slab<T>::D d;
     const V step = hn::Set(d, slab.shading.scalar_step), one = hn::Set(d, T(1));
-    for_each_reached<cuts>(slab, [&](int x, int y, M reached) SHEETSPLAT_CPU_INLINE {
+    for_each_reached<cuts>(slab, [&](int x, int y, M reached) {
         const std::ptrdiff_t at = slab.in_plane(y) + x;
-        const auto add = [&](T* plane, V value) SHEETSPLAT_CPU_INLINE {
+        const auto add = [&](T* plane, V value) {
             hn::StoreU(hn::Add(hn::LoadU(d, plane + at), hn::IfThenElseZero(reached, value)), d, plane + at);
         };
         add(slab.picture.scalar, hn::Mul(slab.rho(d, 1, y, x), step));

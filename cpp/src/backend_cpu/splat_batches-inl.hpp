@@ -111,7 +111,7 @@ class SphereBatch {
         if constexpr (slopes) {
             lines(d, at_x, shape_.X, steepness.scale, box.x1 - start, slope_x);
         }
-        in_batches<slopes ? 2 : 5>(0, count, [&](int slice, auto number) SHEETSPLAT_CPU_INLINE {
+        in_batches<slopes ? 2 : 5>(0, count, [&](int slice, auto number) {
             const T* bell_y = bell_y_ + kernel;
             const T* bell_z = bell_z_ + slice * room + kernel;
             if constexpr (slopes) {

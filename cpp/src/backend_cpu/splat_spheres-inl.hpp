@@ -125,7 +125,7 @@ HWY_INLINE void separable_slopes(D d, const Target<T>* to, const T* bell_x, cons
     for (int x = x0; x < x1; x += lanes) {
         const auto column = hn::LoadU(d, bell_x + (x - x0));
         const auto slope_x_here = hn::LoadU(d, slope_x + (x - x0));
-        rows.of_columns(x - x0, lanes, [&](int first, int past) SHEETSPLAT_CPU_INLINE {
+        rows.of_columns(x - x0, lanes, [&](int first, int past) {
             std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y0 + first) * stride + x;
             for (int y = first; y < past; ++y, at += stride) {
                 const auto here = hn::Mul(column, hn::Set(d, bell_y[y * stride_of_bells]));

@@ -111,18 +111,21 @@ class RowSums {
         sums_ = scratch.sums.data() + margin;
     }
 
-    /// Adds kernels place, place + step, ...: in pixels of the tile's sheets and slices. kept: where clipping leaves
-    /// only some slices of the kernels' pixels, else null.
-    void add(const KeptOfPixels<T>* kept, const T* values, const Vec3& place, const Vec3& step, std::uint32_t count) {
+    /// Adds the kernels of samples from `sample` on at place, place + step, ...: in pixels of the tile's sheets and
+    /// slices. kept: where clipping leaves only some slices of the kernels' pixels, else null.
+    void add(const SampleReader<T>& reader, const KeptOfPixels<T>* kept, std::size_t sample, const Vec3& place,
+             const Vec3& step, std::uint32_t count) {
         for (std::uint32_t i = 0; i < count; i += together) {
             const int number = static_cast<int>(std::min(together, count - i));
+            T values[together];
+            reader.read(sample + i, std::min(together, count - i), values);
             look_at(place, step, i, in_vectors(number));
             in_terms([&](auto terms) {
                 if (kept == nullptr) {
-                    add_whole(terms, values + i, number);
+                    add_whole(terms, values, number);
                 } else {
                     cut_factors(terms, in_vectors(number), place.z, step.z, i);
-                    add_cut(terms, *kept, values + i, number);
+                    add_cut(terms, *kept, values, number);
                 }
             });
             for (int kernel = 0; kernel < number; ++kernel) {
@@ -189,17 +192,14 @@ class RowSums {
         const hn::CappedTag<double, 8> d;
         const hn::Rebind<std::int32_t, decltype(d)> d_whole;
         using V = hn::Vec<decltype(d)>;
-        const auto all = [&](double number) SHEETSPLAT_CPU_INLINE { return hn::Set(d, number); };
+        const auto all = [&](double number) { return hn::Set(d, number); };
         const V half_x = all(half_x_), half_y = all(half_y_), slices = all(1.0 / static_cast<double>(per_slice_));
         const V one = all(1.0);
         for (int kernel = 0; kernel < kernels; kernel += static_cast<int>(hn::Lanes(d))) {
             const V along = hn::Iota(d, static_cast<double>(i) + kernel);
-            const auto at = [&](double first, double more)
-                                SHEETSPLAT_CPU_INLINE { return hn::MulAdd(along, all(more), all(first)); };
-            const auto on_screen = [&](V pixel) SHEETSPLAT_CPU_INLINE {
-                return hn::Min(hn::Max(pixel, all(-outside)), all(outside));
-            };
-            const auto store = [&](V number, T* to) SHEETSPLAT_CPU_INLINE {
+            const auto at = [&](double first, double more) { return hn::MulAdd(along, all(more), all(first)); };
+            const auto on_screen = [&](V pixel) { return hn::Min(hn::Max(pixel, all(-outside)), all(outside)); };
+            const auto store = [&](V number, T* to) {
                 if constexpr (sizeof(T) == sizeof(double)) {
                     hn::Store(number, d, to + kernel);
                 } else {
@@ -207,7 +207,7 @@ class RowSums {
                               to + kernel);
                 }
             };
-            const auto store_whole = [&](V number, std::int32_t* to) SHEETSPLAT_CPU_INLINE {
+            const auto store_whole = [&](V number, std::int32_t* to) {
                 hn::Store(hn::DemoteTo(d_whole, number), d_whole, to + kernel);
             };
             const V x = on_screen(at(place.x, step.x)), y = on_screen(at(place.y, step.y)), z = at(place.z, step.z);
@@ -310,8 +310,7 @@ class RowSums {
         const hn::CappedTag<T, together> d;
         const int lanes = static_cast<int>(hn::Lanes(d));
         const auto minus_k = hn::Set(d, -profile_.falloff_log2);
-        const auto bell = [&](auto q)
-                              SHEETSPLAT_CPU_INLINE { return exp2_nonpositive(d, hn::Mul(minus_k, hn::Mul(q, q))); };
+        const auto bell = [&](auto q) { return exp2_nonpositive(d, hn::Mul(minus_k, hn::Mul(q, q))); };
         for (int kernel = 0; kernel < kernels; kernel += lanes) {
             for (int term = 0; term < terms; ++term) {
                 T* along = depth_ + term * static_cast<int>(together) + kernel;
@@ -385,13 +384,13 @@ std::uint64_t sum_lattice(const LoopSetup<T>& setup, const PartProfile<T>& profi
     RowSums<T> sums(profile, shape, tile, setup.shading->scalar_step, scratch, plane);
     const Vec3 step = feed.step_of_places();
     const auto cuts = feed.row_cuts(setup.shading->kept);
-    feed.for_each_stretch([&](const T* values, const Vec3& eye, std::uint32_t count) {
+    feed.for_each_stretch([&](std::size_t sample, const Vec3& eye, std::uint32_t count) {
         const Vec3 place = feed.place_of(eye);
         const auto from = [&](std::uint32_t i) { return place + static_cast<double>(i) * step; };
         const auto [begin, end] = kept == nullptr ? std::pair(0U, count) : feed.wholly_kept(cuts, eye, count);
-        sums.add(kept, values, place, step, begin);
-        sums.add(nullptr, values + begin, from(begin), step, end - begin);
-        sums.add(kept, values + end, from(end), step, count - end);
+        sums.add(feed.reader(), kept, sample, place, step, begin);
+        sums.add(feed.reader(), nullptr, sample + begin, from(begin), step, end - begin);
+        sums.add(feed.reader(), kept, sample + end, from(end), step, count - end);
     });
     sums.flush();
     return sums.sections();

@@ -67,16 +67,10 @@ struct Slab {
 
     /// Planes are read and written in whole cache lines.
     [[nodiscard]] int first_column() const { return window.rect.x0 / lanes * lanes; }
-    /// Lanes that are inside of the rectangle: right of it sheets have borders and paddings.
-    HWY_INLINE M inside(D d, M mask, int x) const {
-        const int skipped = window.rect.x0 - x, left = window.rect.x1 - x;
-        if (HWY_UNLIKELY(skipped > 0)) {
-            mask = hn::AndNot(hn::FirstN(d, static_cast<std::size_t>(skipped)), mask);
-        }
-        if (left < lanes) {
-            mask = hn::And(mask, hn::FirstN(d, static_cast<std::size_t>(left)));
-        }
-        return mask;
+    /// Lanes of pixels that still change, on slices that belong to the part that is drawn.
+    HWY_INLINE M unfinished(D d, M mask, int y, int x) const {
+        const V so_far = hn::LoadU(d, picture.alpha + in_plane(y) + x);
+        return owned(d, hn::And(mask, hn::Lt(so_far, hn::Set(d, shading.stop))), y, x);
     }
     /// Lanes with weights of points that are not empty.
     HWY_INLINE M weighs(D d, V weight) const {

@@ -120,8 +120,9 @@ class SphereBatch {
                                                            value, weight, steepness, AllRows{box.y1 - box.y0}, start,
                                                            box.x1, box.y0);
             } else {
-                separable_rows<sums, number.value, room>(d, splat_.targets + slice, bell_x, bell_y, bell_z, edge, value,
-                                                         weight, start, box.x1, box.y0, box.y1);
+                add_rows<sums, number.value>(d, splat_.targets + slice,
+                                             SeparableBells<decltype(d), number.value, room>(bell_x, bell_y, bell_z),
+                                             edge, value, weight, start, box.x1, box.y0, box.y1);
             }
         });
     }

@@ -16,6 +16,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 #include <vector>
 
 #include "backend_cpu/tile_task.hpp"
@@ -23,6 +24,7 @@
 #include "kernel_batch-inl.hpp"
 #include "math-inl.hpp"
 #include "splat_ellipses-inl.hpp"
+#include "splat_spheres-inl.hpp"
 #include "splat_target-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -262,76 +264,61 @@ HWY_INLINE void bells_of_both(D d, T falloff_log2, const ProductPlaces<T>& first
     }
 }
 
-/// Factors that lean, of `slices` sections from the first column and row on.
+/// Factors that lean, from the first column and row on; `stride` further on those of the row below, `apart` further on
+/// those of the next slice; 0: they are the same.
 template <class T>
-struct NoLean {
-    static constexpr bool any = false, each = false;
-};
-template <class T>
-struct SharedLean {
-    static constexpr bool any = true, each = false;
-    const T* table;
-    std::ptrdiff_t stride, apart;
-};
-template <class T>
-struct EachLean {
-    static constexpr bool any = true, each = true;
-    const T* table;
-    std::ptrdiff_t stride, apart;
+struct Lean {
+    const T* table = nullptr; ///< null: none
+    std::ptrdiff_t stride = 0, apart = 0;
 };
 
-/// Rows of `slices` sections, side by side.
-template <Sums sums, int slices, class D, class Lean, class T = hn::TFromD<D>>
-HWY_INLINE void product_rows(D d, const Target<T>* to, const Bells<T>& bells, const Lean& lean, T edge_t, T value_t,
-                             T weight_t, int x0, int x1, int y0, int y1) {
-    const int lanes = static_cast<int>(hn::Lanes(d));
-    const auto edge = hn::Set(d, edge_t), value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
-    const int stride = to[0].stride;
-    const std::size_t sheet = to[0].sheet;
-    // Copies, since the compiler must think that sheets might hold these.
-    T* values[slices];
-    T* weights[slices];
-    const T* along_x[slices];
-    const T* along_y[slices];
-    for (int slice = 0; slice < slices; ++slice) {
-        values[slice] = to[slice].value;
-        weights[slice] = to[slice].weight;
-        along_x[slice] = bells.x + slice * bells.stride;
-        along_y[slice] = bells.y + slice * bells.stride;
-    }
-    for (int x = x0; x < x1; x += lanes) {
-        hn::Vec<D> column[slices];
+/// Whether there is a factor that leans: none, one for all slices, one each.
+enum class Leans { no, alike, each };
+
+/// Gaussians of `slices` sections that are products of one along x, one along y and a factor that leans.
+template <class D, int slices, Leans leans>
+class ProductBells {
+    using T = hn::TFromD<D>;
+    using V = hn::Vec<D>;
+
+  public:
+    HWY_INLINE ProductBells(const Bells<T>& bells, const Lean<T>& lean, int first) : lean_(lean) {
         for (int slice = 0; slice < slices; ++slice) {
-            column[slice] = hn::LoadU(d, along_x[slice] + (x - x0));
+            x_[slice] = bells.x + (first + slice) * bells.stride;
+            y_[slice] = bells.y + (first + slice) * bells.stride;
         }
-        std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y0) * stride + x;
-        for (int y = 0; y < y1 - y0; ++y, at += stride) {
-            for (int slice = 0; slice < slices; ++slice) {
-                auto bell = column[slice];
-                if constexpr (Lean::any) {
-                    const T* factors = lean.table + y * lean.stride + (x - x0) + (Lean::each ? slice * lean.apart : 0);
-                    bell = hn::Mul(bell, hn::LoadU(d, factors));
-                }
-                add_bell<sums>(d, hn::MulSub(bell, hn::Set(d, along_y[slice][y]), edge), value, weight,
-                               values[slice] + at, sums != Sums::values ? weights[slice] + at : nullptr);
-            }
+        lean_.table += first * lean.apart;
+    }
+    HWY_INLINE void at_column(int x) {
+        for (int slice = 0; slice < slices; ++slice) {
+            column_[slice] = hn::LoadU(D(), x_[slice] + x);
+        }
+        factors_ = lean_.table + x;
+    }
+    HWY_INLINE void at_row(int y) {
+        at_y_ = y;
+        if constexpr (leans == Leans::alike) {
+            factor_ = hn::LoadU(D(), factors_ + y * lean_.stride);
         }
     }
-}
-
-template <Sums sums, class D, class Lean, class T = hn::TFromD<D>, bool slopes>
-HWY_INLINE void add_product_rows(D d, const Splat<T, slopes>& splat, const Bells<T>& bells, const Lean& lean, T value,
-                                 T weight, int x0, int x1, int y0, int y1, int count) {
-    in_batches<5>(0, count, [&](int slice, auto together) {
-        const Bells<T> here{bells.x + slice * bells.stride, bells.y + slice * bells.stride, bells.stride};
-        Lean leaning = lean;
-        if constexpr (Lean::each) {
-            leaning.table += slice * lean.apart;
+    [[nodiscard]] HWY_INLINE V less(V edge, int slice) const {
+        V bell = column_[slice];
+        if constexpr (leans == Leans::alike) {
+            bell = hn::Mul(bell, factor_);
+        } else if constexpr (leans == Leans::each) {
+            bell = hn::Mul(bell, hn::LoadU(D(), factors_ + at_y_ * lean_.stride + slice * lean_.apart));
         }
-        product_rows<sums, together.value>(d, splat.targets + slice, here, leaning, splat.profile.edge, value, weight,
-                                           x0, x1, y0, y1);
-    });
-}
+        return hn::MulSub(bell, hn::Set(D(), y_[slice][at_y_]), edge);
+    }
+
+  private:
+    const T* x_[slices];
+    const T* y_[slices];
+    Lean<T> lean_;
+    V column_[slices], factor_;
+    const T* factors_ = nullptr; ///< of the column
+    std::ptrdiff_t at_y_ = 0;
+};
 
 /// Columns and rows of a small kernel, at most: those of a section are the two halves of sixteen numbers.
 constexpr int small_px = 8;
@@ -398,21 +385,27 @@ HWY_NOINLINE void add_product(const ProductBox<T>& at, const Bells<T>& bells, Sp
                               T weight, const ProductView<T>& view, int count) {
     const Rect& box = at.box;
     splat.through[count - 1].add(box);
+    Lean<T> lean;
+    if (view.lean != nullptr) {
+        const T* table = view.lean->at(at.start - static_cast<int>(at.x_c), box.y0 - static_cast<int>(at.y_c));
+        lean = {table, view.lean->stride(), view.lean->apart()};
+    }
     in_narrowest<T>(box.x1 - box.x0, [&](auto d) {
-        const auto add = [&](const auto& lean) {
-            add_product_rows<sums>(d, splat, bells, lean, value, weight, at.start, box.x1, box.y0, box.y1, count);
-        };
-        if (view.lean == nullptr) {
-            add(NoLean<T>());
-            return;
-        }
-        const int u = at.start - static_cast<int>(at.x_c), v = box.y0 - static_cast<int>(at.y_c);
-        const T* table = view.lean->at(u, v);
-        if (view.spread == T(0)) {
-            add(SharedLean<T>{table, view.lean->stride(), 0});
-        } else {
-            add(EachLean<T>{table, view.lean->stride(), view.lean->apart()});
-        }
+        in_batches<5>(0, count, [&](int slice, auto together) {
+            const auto add = [&](auto leans) {
+                add_rows<sums, together.value>(
+                    d, splat.targets + slice,
+                    ProductBells<decltype(d), together.value, leans.value>(bells, lean, slice), splat.profile.edge,
+                    value, weight, at.start, box.x1, box.y0, box.y1);
+            };
+            if (lean.table == nullptr) {
+                add(std::integral_constant<Leans, Leans::no>());
+            } else if (lean.apart == 0) {
+                add(std::integral_constant<Leans, Leans::alike>());
+            } else {
+                add(std::integral_constant<Leans, Leans::each>());
+            }
+        });
     });
 }
 

@@ -512,7 +512,7 @@ struct UprightRows {
     HWY_ALIGN T place[most_edge]; ///< q2
 };
 
-/// As separable_rows, of means over slabs: a difference of the profile's integral between the ends of each slab or, on
+/// As add_rows, of means over slabs: a difference of the profile's integral between the ends of each slab or, on
 /// rays that leave the kernel inside it, to where they do.
 template <Sums sums, class D, class T, bool slopes>
 HWY_INLINE void upright_slabs(D d, const Splat<T, slopes>& splat, const SlabKernel<T>& kernel, const SlabEnds<T>& ends,

@@ -1,5 +1,5 @@
-// Effects beyond the papers: gradients (analytic too), gradient opacity, light that shadows and ambient occlusion dim,
-// depth cue. One loop an effect over a row of pixels.
+// From what is classified to the picture: gradients (analytic too), gradient opacity, light that shadows and ambient
+// occlusion dim, depth cue. One loop a stage over a row of pixels.
 
 #if defined(SHEETSPLAT_CPU_EFFECTS_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef SHEETSPLAT_CPU_EFFECTS_INL
@@ -22,30 +22,41 @@
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
+/// Minus the gradient at points `share` slice distances behind slice n, and how much an error of rho of 1 changes it
+/// (Slab::doubt).
+template <bool perspective, bool analytic, bool between, class T, class V = typename Slab<T>::V>
+HWY_INLINE Normal<typename Slab<T>::D> gradient_at(const Slab<T>& slab, const GradientScale<T>& scale, int x, int y,
+                                                   V share, typename Slab<T>::M seen, V& doubt) {
+    const typename Slab<T>::D d;
+    const auto ray = slab.template ray_if<perspective>(d, x, y);
+    const std::ptrdiff_t at = slab.in_sheet(y) + x;
+    const auto of = [&](int ahead) {
+        if constexpr (analytic) {
+            return against_slope<perspective>(d, slab.sheets.slope[ahead], at, scale.across[ahead], scale.along, ray);
+        } else {
+            return slab.template difference<perspective>(d, ahead, at, scale, ray);
+        }
+    };
+    const auto front = of(0);
+    doubt = hn::Set(d, slab.shading.gradient_doubt);
+    if constexpr (between) {
+        const auto back = of(1), against = mix(d, front, back, share);
+        if (slab.shading.mode == Mode::isosurface) {
+            doubt = hn::Add(doubt, moved_gradient(d, slab, front, back, against, scale.weakest, x, y, seen));
+        }
+        return against;
+    } else {
+        return front;
+    }
+}
+
 template <bool perspective, bool analytic, bool between, class T>
 HWY_NOINLINE void find_gradients(const Slab<T>& slab, EffectRow<T>& row, const GradientScale<T>& scale) {
     const typename Slab<T>::D d;
     row.for_each(row.seen, [&](int x, int number, auto seen) {
-        const auto ray = slab.template ray_if<perspective>(d, x, row.y);
-        const std::ptrdiff_t at = slab.in_sheet(row.y) + x;
-        const auto of = [&](int ahead) {
-            if constexpr (analytic) {
-                return against_slope<perspective>(d, slab.sheets.slope[ahead], at, scale.across[ahead], scale.along,
-                                                  ray);
-            } else {
-                return slab.template difference<perspective>(d, ahead, at, scale, ray);
-            }
-        };
-        auto against = of(0);
-        auto doubt = hn::Set(d, slab.shading.gradient_doubt);
-        if constexpr (between) {
-            const auto back = of(1);
-            const auto front = against;
-            against = mix(d, front, back, hn::Load(d, row.share + number));
-            if (slab.shading.mode == Mode::isosurface) {
-                doubt = hn::Add(doubt, moved_gradient(d, slab, front, back, against, scale.weakest, x, row.y, seen));
-            }
-        }
+        typename Slab<T>::V doubt;
+        const auto against = gradient_at<perspective, analytic, between>(slab, scale, x, row.y,
+                                                                         hn::Load(d, row.share + number), seen, doubt);
         hn::Store(doubt, d, row.doubt + number);
         hn::Store(against.x, d, row.against_x + number);
         hn::Store(against.y, d, row.against_y + number);
@@ -89,7 +100,7 @@ HWY_NOINLINE void light_dimmed(const Slab<T>& slab, EffectRow<T>& row, const Gra
     const auto in = [&](const VolumeLookup& lookup) {
         return VolumeRow<T>(lookup, perspective, slab.shape.x, slab.shape.y + row.y, depth, shading.slice_spacing);
     };
-    const auto lit = [&](int x, int number, auto visible, const auto& dimming) SHEETSPLAT_CPU_INLINE {
+    const auto lit = [&](int x, int number, auto visible, const auto& dimming) {
         Color<D> color = row.color(d, number);
         if (shading.lit) {
             auto per_size = hn::Zero(d);
@@ -147,21 +158,29 @@ HWY_NOINLINE void cue(const Slab<T>& slab, EffectRow<T>& row) {
     });
 }
 
+/// Composites opacities above 0, those of `visible`.
+template <bool surface, class T, class V = typename Slab<T>::V>
+HWY_INLINE void put_vector(const Slab<T>& slab, int x, int y, typename Slab<T>::M visible, V alpha, V share,
+                           const Color<typename Slab<T>::D>& color, V doubt) {
+    const typename Slab<T>::D d;
+    const std::ptrdiff_t at = slab.in_plane(y) + x;
+    V shown = hn::IfThenElseZero(visible, hn::Set(d, T(1)));
+    if constexpr (surface) {
+        slab.put_surface(d, at, y, visible, share, color);
+    } else {
+        shown = slab.put_behind(d, at, y, visible, hn::LoadU(d, slab.picture.alpha + at), alpha, color);
+    }
+    if (slab.shading.lit) {
+        slab.doubt(d, shown, doubt);
+    }
+}
+
 template <bool surface, class T>
 HWY_NOINLINE void put(const Slab<T>& slab, const EffectRow<T>& row) {
     const typename Slab<T>::D d;
     row.for_each(row.alpha, [&](int x, int number, auto visible) {
-        const std::ptrdiff_t at = slab.in_plane(row.y) + x;
-        auto share = hn::IfThenElseZero(visible, hn::Set(d, T(1)));
-        if constexpr (surface) {
-            slab.put_surface(d, at, row.y, visible, hn::Load(d, row.share + number), row.color(d, number));
-        } else {
-            share = slab.put_behind(d, at, row.y, visible, hn::LoadU(d, slab.picture.alpha + at),
-                                    hn::Load(d, row.alpha + number), row.color(d, number));
-        }
-        if (slab.shading.lit) {
-            slab.doubt(d, share, hn::Load(d, row.doubt + number));
-        }
+        put_vector<surface>(slab, x, row.y, visible, hn::Load(d, row.alpha + number), hn::Load(d, row.share + number),
+                            row.color(d, number), hn::Load(d, row.doubt + number));
     });
 }
 
@@ -207,25 +226,73 @@ HWY_INLINE void for_each_row(const Slab<T>& slab, EffectRow<T>& row, const Draw&
     }
 }
 
-/// Kind: Slices, Intervals, SecondOrder or Crossings.
-template <class Kind, bool perspective, class T>
-HWY_NOINLINE void go_through_effects(const Slab<T>& slab) {
+/// All stages, a row at a time. kind: a class of classified-inl.hpp.
+template <bool perspective, class Kind, class T>
+HWY_NOINLINE void go_through_effects(const Slab<T>& slab, const Kind& kind) {
     const GradientScale<T> scale(slab.shading, slab.group, slab.window.n);
     EffectRow<T> row;
     for_each_row<Kind::between>(slab, row, [&](const Columns& here, const Columns& after) {
-        if (!Kind::see(slab, row, here, after)) {
+        if (!see(slab, kind, row, here, after)) {
             return;
         }
         find_gradients_of<perspective, Kind::between>(slab, row, scale);
         if constexpr (Kind::has_opacity) {
             fade(slab, row, scale);
         }
-        if (!Kind::template classify<perspective>(slab, row)) {
+        if (!classify<perspective, false>(kind, row)) {
             return;
         }
         shade_colors<perspective>(slab, row, scale);
         put<!Kind::has_opacity>(slab, row);
     });
+}
+
+/// A vector of pixels through the stages of scenes without effects.
+template <bool perspective, class Kind, class T>
+HWY_INLINE void shade_vector(const Slab<T>& slab, const Kind& kind, const GradientScale<T>& scale, int x, int y,
+                             typename Slab<T>::M seen) {
+    using V = typename Slab<T>::V;
+    const typename Slab<T>::D d;
+    Color<typename Slab<T>::D> color;
+    const V alpha = kind.template opacity<perspective>(x, y, seen, hn::Set(d, T(1)), color);
+    const auto visible = hn::Gt(alpha, hn::Zero(d));
+    if (hn::AllFalse(d, visible)) {
+        return;
+    }
+    const V share = kind.share(x, y, visible);
+    V doubt = hn::Zero(d);
+    if (slab.shading.lit) {
+        const auto against = gradient_at<perspective, false, Kind::between>(slab, scale, x, y, share, visible, doubt);
+        V per_size;
+        color = phong<perspective>(d, slab.shading, color, against, scale.weakest,
+                                   slab.template ray_if<perspective>(d, x, y), visible, per_size);
+        doubt = slab.over_size(d, doubt, per_size);
+    }
+    put_vector<!Kind::has_opacity>(slab, x, y, visible, alpha, share, color, doubt);
+}
+
+/// The same stages, a vector at a time, in scenes without effects and cuts: frames take 3 to 13 % less time.
+template <bool perspective, class Kind, class T>
+HWY_NOINLINE void go_straight(const Slab<T>& slab, const Kind& kind) {
+    const typename Slab<T>::D d;
+    const GradientScale<T> scale(slab.shading, slab.group, slab.window.n);
+    const Rect& rect = slab.window.rect;
+    const Columns whole{rect.x0, rect.x1};
+    for (int y = rect.y0; y < rect.y1; ++y) {
+        if (slab.picture.row_alive[y] == 0) {
+            continue;
+        }
+        for (int x = slab.first_column(); x < rect.x1; x += Slab<T>::lanes) {
+            auto seen = kind.may(x, y, whole, whole);
+            if (hn::AllFalse(d, seen)) {
+                continue;
+            }
+            seen = slab.unfinished(d, seen, y, x);
+            if (!hn::AllFalse(d, seen)) {
+                shade_vector<perspective>(slab, kind, scale, x, y, seen);
+            }
+        }
+    }
 }
 
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE

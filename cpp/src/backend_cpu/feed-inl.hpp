@@ -12,6 +12,9 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <type_traits>
+#include <variant>
+#include <vector>
 
 #include <glm/geometric.hpp>
 
@@ -56,6 +59,43 @@ HWY_INLINE void set_place(const RowBasis& basis, const glm::dvec2& plane, double
     section.a2 = static_cast<T>(glm::dot(basis.q2, plane));
     section.s = static_cast<T>(s);
 }
+
+/// Samples of a lattice as its kernels' values: (sample - origin) scale, rounded once. One function a type of samples;
+/// what feeds them knows of none.
+template <class T>
+class SampleReader {
+  public:
+    SampleReader(const RegularField& field, double origin, double scale) : origin_(origin), scale_(scale) {
+        std::visit(
+            [&](const auto& data) {
+                using Value = typename std::decay_t<decltype(data)>::value_type;
+                samples_ = reinterpret_cast<const unsigned char*>(data.data());
+                bytes_ = sizeof(Value);
+                read_ = &read_as<Value>;
+            },
+            field.samples());
+    }
+
+    /// Of `count` samples from number `first` on.
+    void read(std::size_t first, std::uint32_t count, T* out) const { read_(*this, first, count, out); }
+    /// Fetches a sample that is read soon into the cache.
+    HWY_INLINE void fetch(std::size_t sample) const { __builtin_prefetch(samples_ + sample * bytes_); }
+
+  private:
+    template <class Value>
+    static void read_as(const SampleReader& reader, std::size_t first, std::uint32_t count, T* HWY_RESTRICT out) {
+        const auto* HWY_RESTRICT from = reinterpret_cast<const Value*>(reader.samples_) + first;
+        const double origin = reader.origin_, scale = reader.scale_;
+        for (std::uint32_t i = 0; i < count; ++i) {
+            out[i] = static_cast<T>((static_cast<double>(from[i]) - origin) * scale);
+        }
+    }
+
+    const unsigned char* samples_;
+    std::size_t bytes_; ///< of a sample
+    double origin_, scale_;
+    void (*read_)(const SampleReader& reader, std::size_t first, std::uint32_t count, T* out);
+};
 
 /// Where the tile's first sheet pixel looks: eye x and y, per unit of depth in perspective.
 inline glm::dvec2 origin_of(const TileShape& tile, const Frame& frame) {

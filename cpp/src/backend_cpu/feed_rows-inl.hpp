@@ -43,7 +43,8 @@ class RowFeed {
           per_spacing_(1.0 / frame_.slice_spacing), per_half_depth_(1.0 / view_.half_depth),
           reach_(view_.half_depth * per_spacing_ + (slab_ ? 0.5 : 0.0)), step_(-view_.step_i.z * per_spacing_),
           per_step_(std::abs(step_) > 1e-9 ? 1.0 / step_ : 0.0), last_slice_(static_cast<double>(frame_.slices - 1)),
-          own_(tile, frame_), lean_(view_.half_depth * (glm::inverse(view_.to_unit) * view_.shear)) {
+          own_(tile, frame_), reader_(*view_.field, view_.field->counted_from() + kernels.pivot, view_.value_scale),
+          lean_(view_.half_depth * (glm::inverse(view_.to_unit) * view_.shear)) {
         // Per slice: the point moves along the ray, and the sphere's centre leans away.
         const glm::dvec2 ray = perspective_ ? view_.to_unit * origin_ : glm::dvec2(0.0);
         const glm::dvec2 drift = frame_.slice_spacing * (ray + per_half_depth_ * view_.shear);
@@ -86,25 +87,21 @@ class RowFeed {
         }
     }
 
-    /// Calls visit(values, eye, count) for neighbouring drawn samples of each row: their values, the first one's place,
+    /// Calls visit(sample, eye, count) for neighbouring drawn samples of each row: the first one's number and place,
     /// how many. In place of batches.
     template <class Visit>
-    HWY_INLINE void for_each_stretch(const Visit& visit) {
+    void for_each_stretch(const Visit& visit) {
         kernels_.counted = 0;
-        std::visit(
-            [&](const auto& data) {
-                for (const RowPart* part = begin_; part != end_; ++part) {
-                    kernels_.counted += owned(*part);
-                    poll_after(part->end - part->begin);
-                    for_each_run(
-                        *part, part->begin, part->end, [&](const Run&, std::uint32_t begin, std::uint32_t end) {
-                            visit(data.data() + row_begin(part->row) + begin, eye_of(part->row, begin), end - begin);
-                        });
-                }
-            },
-            view_.field->samples());
+        for (const RowPart* part = begin_; part != end_; ++part) {
+            kernels_.counted += owned(*part);
+            poll_after(part->end - part->begin);
+            for_each_run(*part, part->begin, part->end, [&](const Run&, std::uint32_t begin, std::uint32_t end) {
+                visit(row_begin(part->row) + begin, eye_of(part->row, begin), end - begin);
+            });
+        }
         batch_ = batches_;
     }
+    [[nodiscard]] const SampleReader<T>& reader() const { return reader_; }
 
     /// A half space beside the samples of a row.
     struct RowCut {
@@ -190,8 +187,6 @@ class RowFeed {
         const std::size_t rows = view_.field->shape()[1];
         return view_.field->row(row % rows, row / rows);
     }
-    /// What is subtracted from samples before they are scaled.
-    [[nodiscard]] double origin_of_values() const { return view_.field->counted_from() + kernels_.pivot; }
     [[nodiscard]] HWY_INLINE double depth_of(const Vec3& eye) const {
         return (-eye.z - frame_.first_depth) * per_spacing_;
     }
@@ -223,6 +218,8 @@ class RowFeed {
             }
         }
     }
+
+    static constexpr std::ptrdiff_t pieces_ahead = 4;
 
     /// In any unit of length; what is too small for its inverse is 0.
     static constexpr double least_step = std::numeric_limits<double>::min();
@@ -446,8 +443,7 @@ class RowFeed {
         }
         const std::size_t kept = places[static_cast<std::size_t>(slots)];
         kernels_.sections.resize(before + places.back());
-        std::visit([&](const auto& data) { write(data.data(), least, kernels_.sections.data() + before); },
-                   view_.field->samples());
+        write(least, kernels_.sections.data() + before);
         kernels_.sections.resize(before + kept);
     }
 
@@ -471,21 +467,20 @@ class RowFeed {
         begin += static_cast<std::uint32_t>(from);
     }
 
-    template <class Value>
-    void write(const Value* values, double least, Section<T>* sections) {
+    void write(double least, Section<T>* sections) {
         const RowBatches& rows = kernels_.rows;
-        const double value_scale = view_.value_scale, origin_value = origin_of_values();
         const double per_slice = frame_.slice_spacing * per_half_depth_;
         const auto origin = static_cast<std::int32_t>(least);
         const std::int32_t* slot = rows.slots.data();
         for (const RowBatches::Piece& piece : rows.pieces) {
             const RowBatches::Stretch& stretch = rows.stretches[piece.stretch];
-            const Value* here = values + stretch.first_sample + piece.from;
+            if (rows.pieces.data() + rows.pieces.size() - &piece > pieces_ahead) {
+                const RowBatches::Piece& later = (&piece)[pieces_ahead];
+                reader_.fetch(rows.stretches[later.stretch].first_sample + later.from);
+            }
             // Numbers first; then each to its place.
             T a1[fed_together], a2[fed_together], s[fed_together], value[fed_together];
-            for (std::uint32_t i = 0; i < piece.count; ++i) {
-                value[i] = static_cast<T>((static_cast<double>(here[i]) - origin_value) * value_scale);
-            }
+            reader_.read(stretch.first_sample + piece.from, piece.count, value);
             for (std::uint32_t i = 0; i < fed_together; ++i) {
                 const auto along = static_cast<double>(static_cast<std::int32_t>(piece.from + i));
                 const double first = static_cast<double>(slot[i]) + least;
@@ -510,10 +505,15 @@ class RowFeed {
     void one_by_one() {
         const double spacing = frame_.slice_spacing;
         const T weight = static_cast<T>(view_.weight_scale);
-        for_each_stretch([&](const auto* values, const Vec3& eye, std::uint32_t count) {
+        for_each_stretch([&](std::size_t sample, const Vec3& eye, std::uint32_t count) {
             const double start = depth_of(eye);
             const Vec3 unit = unit_at(eye);
+            T values[fed_together];
             for (std::uint32_t i = 0; i < count; ++i) {
+                const std::uint32_t in_piece = i % fed_together;
+                if (in_piece == 0) {
+                    reader_.read(sample + i, std::min(fed_together, count - i), values);
+                }
                 const auto along = static_cast<double>(i);
                 const double depth = start + along * step_;
                 const double first = first_of(depth), last = last_of(depth);
@@ -525,9 +525,8 @@ class RowFeed {
                 section.first = static_cast<std::int32_t>(first);
                 extra.last = static_cast<std::int32_t>(last);
                 const Vec3 place_eye = eye + along * view_.step_i;
-                const double value = (static_cast<double>(values[i]) - origin_of_values()) * view_.value_scale;
                 if (view_.unfiltered) {
-                    add_filtered(place_eye, value, section, extra);
+                    add_filtered(place_eye, values[in_piece], section, extra);
                     continue;
                 }
                 if (!place(box_of(place_eye, first, last, view_.extent_x, view_.extent_y), tile_, extra)) {
@@ -537,7 +536,7 @@ class RowFeed {
                 section.a1 = static_cast<T>(unit.x + along * step_unit_.x + first * step_slice_.x);
                 section.a2 = static_cast<T>(unit.y + along * step_unit_.y + first * step_slice_.y);
                 section.s = static_cast<T>((depth - first) * spacing * per_half_depth_);
-                section.value = static_cast<T>(value);
+                section.value = values[in_piece];
                 kernels_.unsorted.push_back(section);
                 kernels_.unsorted_extras.push_back(extra);
             }
@@ -546,7 +545,7 @@ class RowFeed {
     }
 
     /// In perspective, a kernel with a shape of its own.
-    void add_filtered(const Vec3& eye, double value, Section<T>& section, SectionExtra<T>& extra) {
+    void add_filtered(const Vec3& eye, T value, Section<T>& section, SectionExtra<T>& extra) {
         const WidenedShape shape =
             widened(*view_.unfiltered, semi_axes_, filter_width(frame_, view_.field->kernel(), -eye.z));
         const LatticeSection own = section_of(shape.rows);
@@ -559,7 +558,7 @@ class RowFeed {
         const glm::dvec2 plane = own.to_unit * (depth * origin_ - glm::dvec2(eye.x, eye.y)) - s * own.shear;
         const glm::dvec2 drift = own.to_unit * (frame_.slice_spacing * origin_) + step * own.shear;
         set_place(basis, plane, s, section);
-        section.value = static_cast<T>(value * shape.amplitude);
+        section.value = static_cast<T>(static_cast<double>(value) * shape.amplitude);
         extra.weight = static_cast<T>(std::max(view_.weight_scale * shape.amplitude, least_drawn_weight));
         kernels_.unsorted.push_back(section);
         kernels_.unsorted_extras.push_back(extra);
@@ -620,6 +619,7 @@ class RowFeed {
     double half_x_, half_y_, per_pixel_;
     double per_spacing_, per_half_depth_, reach_, step_, per_step_, last_slice_;
     OwnPlaces own_;
+    SampleReader<T> reader_;
     Vec3 semi_axes_ = view_.field->semi_axes_world();
     glm::dvec2 lean_; ///< B's rows of x and of y times that of z
     /// The outermost rays of the tile's own part in perspective: x / depth and -y / depth. The same numbers in tiles

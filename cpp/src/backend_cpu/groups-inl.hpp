@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "classified-inl.hpp"
 #include "effect_row-inl.hpp"
 #include "effects-inl.hpp"
 #include "hwy/highway.h"
@@ -21,22 +22,6 @@
 
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
-
-template <class T>
-struct Type {
-    using type = T;
-};
-
-/// Calls pass(Type<...>()) with the table that the group's transfer function fits.
-template <class T, class Pass>
-HWY_INLINE void by_table(const GroupShading<T>& group, const Pass& pass) {
-    using D = typename Slab<T>::D;
-    if (group.transfer.stretches <= Slab<T>::lanes) {
-        pass(Type<TableInLanes<D>>());
-    } else {
-        pass(Type<TableInMemory<D>>());
-    }
-}
 
 /// A group's part of a slab.
 template <class T>
@@ -113,16 +98,17 @@ struct Mixture {
     }
 };
 
-/// Of Kind Slices or Intervals: what a group takes of a row, and its colours. Returns whether there is anything.
-template <class Kind, bool perspective, class T>
-HWY_INLINE bool take(const GroupSlab<T>& of, EffectRow<T>& row, const Columns& here, const Columns& after) {
+/// What a group takes of a row, and its colours. Returns whether there is anything.
+template <bool perspective, class Kind, class T>
+HWY_INLINE bool take(const GroupSlab<T>& of, const Kind& kind, EffectRow<T>& row, const Columns& here,
+                     const Columns& after) {
     const Columns own = of.slab.columns_of_group(row.y, 0, here);
-    if (!Kind::see(of.slab, row, own, Kind::between ? of.slab.columns_of_group(row.y, 1, after) : after)) {
+    if (!see(of.slab, kind, row, own, Kind::between ? of.slab.columns_of_group(row.y, 1, after) : after)) {
         return false;
     }
     find_gradients_of<perspective, Kind::between>(of.slab, row, of.scale);
     fade(of.slab, row, of.scale);
-    if (!Kind::template absorb<perspective>(of.slab, row)) {
+    if (!classify<perspective, true>(kind, row)) {
         return false;
     }
     shade_colors<perspective>(of.slab, row, of.scale);
@@ -140,12 +126,11 @@ HWY_NOINLINE void mix_groups(const Slab<T>& first) {
         bool any = false;
         for (const GroupSlab<T>& of : slabs) {
             bool some = false;
+            const auto take_of = [&](const auto& kind) { some = take<perspective>(of, kind, row, here, after); };
             if (first.shading.preintegration) {
-                some = take<Intervals, perspective>(of, row, here, after);
+                take_of(Intervals<T>(of.slab));
             } else {
-                by_table(of.slab.group, [&](auto table) {
-                    some = take<Slices<typename decltype(table)::type>, perspective>(of, row, here, after);
-                });
+                with_slices(of.slab, take_of);
             }
             if (some) {
                 mixture.add(row);
@@ -271,7 +256,7 @@ HWY_NOINLINE bool see_crossings(const std::vector<GroupSlab<T>>& slabs, EffectRo
     const typename Slab<T>::D d;
     const Slab<T>& first = slabs.front().slab;
     const V zero = hn::Zero(d), one = hn::Set(d, T(1));
-    const bool any = row.see_if(first, T(0), [&](int x) {
+    const auto may = [&](int x) {
         auto some = hn::FirstN(d, 0);
         for (std::size_t number = 0; number < slabs.size(); ++number) {
             const Slab<T>& slab = slabs[number].slab;
@@ -280,8 +265,9 @@ HWY_NOINLINE bool see_crossings(const std::vector<GroupSlab<T>>& slabs, EffectRo
             const V least = hn::Min(front, back), greatest = hn::Max(front, back);
             // Crossed are values above the least and at most the greatest of both ends.
             V rank = zero, left = zero;
-            const auto may = hn::And(hn::Ge(greatest, hn::Set(d, table.first)), hn::Lt(least, hn::Set(d, table.last)));
-            if (table.size() > 0 && !hn::AllFalse(d, may)) {
+            const auto crossed_here =
+                hn::And(hn::Ge(greatest, hn::Set(d, table.first)), hn::Lt(least, hn::Set(d, table.last)));
+            if (table.size() > 0 && !hn::AllFalse(d, crossed_here)) {
                 const V from = values_up_to(d, table, least), to = values_up_to(d, table, greatest);
                 left = hn::Sub(to, from);
                 rank =
@@ -297,7 +283,8 @@ HWY_NOINLINE bool see_crossings(const std::vector<GroupSlab<T>>& slabs, EffectRo
             hn::Store(left, d, crossed.groups[number].left + (x - row.begin));
         }
         return first.kept(d, first.kept(d, some, 0, row.y, x, here), 1, row.y, x, after);
-    });
+    };
+    const bool any = row.see_by(first, may, [&](int, auto) { return zero; });
     if (any) {
         std::copy(row.seen, row.seen + EffectRow<T>::room, crossed.open);
     }

@@ -23,9 +23,6 @@ namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// Of a lambda: inlined wherever it is called, so that loops stay in registers.
-#define SHEETSPLAT_CPU_INLINE __attribute__((always_inline))
-
 /// What the functions know about a number format: polynomials (constant term first) and layout.
 template <class T>
 struct MathOf;

@@ -191,7 +191,7 @@ HWY_NOINLINE void find_place(D d, const RampTable<T>& table, V rho, RampPlace<D>
     const T* numbers = table.records.data();
     Color<D>& color = place.color;
     Color<D>& step = place.color_step;
-    const auto load_limits = [&]() SHEETSPLAT_CPU_INLINE {
+    const auto load_limits = [&]() {
         load_four(d, numbers, place.records.at, place.from, place.to, place.per_width, color.blue);
     };
     look_in_cells(d, table.cells, rho, place.records);
@@ -231,7 +231,7 @@ HWY_INLINE void add_within(D d, const RampPlace<D>& stretch, V a, V b, V share, 
     }
     plain = hn::Max(plain, hn::Zero(d));
     sum.absorption = hn::MulAdd(share, plain, sum.absorption);
-    const auto add = [&](V color, V step, V& to) SHEETSPLAT_CPU_INLINE {
+    const auto add = [&](V color, V step, V& to) {
         to = hn::MulAdd(share, hn::MulAdd(color, plain, hn::Mul(step, weighted)), to);
     };
     add(stretch.color.red, stretch.color_step.red, sum.color.red);
@@ -273,7 +273,7 @@ HWY_NOINLINE void add_between(D d, const RampTable<T>& table, const RampPlace<D>
         load_four(d, numbers, records.at, from[side][0], lost[side][0], from[side][1], lost[side][1]);
         load_four(d, numbers + 4, records.at, from[side][2], lost[side][2], from[side][3], lost[side][3]);
     }
-    const auto add = [&](int which, V& to) SHEETSPLAT_CPU_INLINE {
+    const auto add = [&](int which, V& to) {
         const V between = hn::Add(hn::Sub(from[1][which], from[0][which]), hn::Sub(lost[1][which], lost[0][which]));
         to = hn::MulAdd(between, factor, to);
     };
@@ -343,7 +343,7 @@ HWY_INLINE RampHalves<D> ramp_halves(D d, const RampTable<T>& table, V first_rho
         hn::And(hn::Ge(middle_rho, hn::Min(first_rho, last_rho)), hn::Le(middle_rho, hn::Max(first_rho, last_rho)));
     const auto some = hn::Gt(both, hn::Set(d, std::numeric_limits<T>::min() * T(16)));
     const V share = hn::Div(hn::IfThenElseZero(some, to_middle), hn::IfThenElse(some, both, hn::Set(d, T(1))));
-    const auto mixed = [&](V front, V back) SHEETSPLAT_CPU_INLINE {
+    const auto mixed = [&](V front, V back) {
         return hn::MulAdd(share, front, hn::Mul(hn::Sub(hn::Set(d, T(1)), share), back));
     };
     found.whole = {mixed(found.front.absorption, found.back.absorption),
@@ -353,8 +353,7 @@ HWY_INLINE RampHalves<D> ramp_halves(D d, const RampTable<T>& table, V first_rho
     const auto outside = hn::AndNot(inside, wanted);
     if (!hn::AllFalse(d, outside)) {
         const RampSum<D> own = ramp_sum(d, table, first, last, outside);
-        const auto chosen = [&](V of_halves, V of_its_own)
-                                SHEETSPLAT_CPU_INLINE { return hn::IfThenElse(outside, of_its_own, of_halves); };
+        const auto chosen = [&](V of_halves, V of_its_own) { return hn::IfThenElse(outside, of_its_own, of_halves); };
         found.whole = {chosen(found.whole.absorption, own.absorption),
                        {chosen(found.whole.color.red, own.color.red), chosen(found.whole.color.green, own.color.green),
                         chosen(found.whole.color.blue, own.color.blue)}};

@@ -18,6 +18,7 @@
 #include <limits>
 #include <type_traits>
 #include <variant>
+#include <vector>
 
 #include "backend_cpu/lattice_extremes.hpp"
 #include "backend_cpu/measured.hpp"
@@ -30,12 +31,25 @@ namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// rho at points of a lattice of kernels that reach fewer than `half` samples on either side.
-template <class T, class Value, int half>
-class LatticePoints {
+/// rho at points of a lattice.
+template <class T>
+class Points {
+  public:
+    Points() = default;
+    Points(const Points&) = delete;
+    Points& operator=(const Points&) = delete;
+    virtual ~Points() = default;
+    /// At start + n step, index coordinates, times value_scale.
+    [[nodiscard]] virtual T rho(const Vec3& start, const Vec3& step, std::int64_t n) const = 0;
+};
+
+/// Of kernels that reach fewer than `half` samples on either side.
+template <class T, int half>
+class LatticePoints final : public Points<T> {
   public:
     LatticePoints(const RegularField& field, double value_scale)
-        : field_(field), values_(std::get<std::vector<Value>>(field.samples()).data()),
+        : field_(field),
+          load_(std::visit([](const auto& data) { return &load_as<std::decay_t<decltype(data)>>; }, field.samples())),
           counted_from_(field.counted_from()), rounded_from_(static_cast<T>(counted_from_)),
           rest_(static_cast<T>(counted_from_ - static_cast<double>(rounded_from_))), ni_(as_signed(field.shape()[2])),
           nj_(as_signed(field.shape()[1])), nk_(as_signed(field.shape()[0])), value_scale_(value_scale),
@@ -48,19 +62,17 @@ class LatticePoints {
         }
     }
 
-    /// At start + n step, index coordinates, times value_scale. (One function, so that arithmetic is fused in one way.)
-    HWY_NOINLINE T rho(const Vec3& start, const Vec3& step, std::int64_t n) const {
+    [[nodiscard]] T rho(const Vec3& start, const Vec3& step, std::int64_t n) const override {
         const Vec3 place = start + static_cast<double>(n) * step;
         const hn::CappedTag<T, 16> d;
         const int lanes = static_cast<int>(hn::Lanes(d));
         const double floors[3] = {std::floor(place.x), std::floor(place.y), std::floor(place.z)};
-        const auto offset = [&](int axis) SHEETSPLAT_CPU_INLINE {
-            return hn::Set(d, static_cast<T>(place[axis] - floors[axis]));
-        };
+        const auto offset = [&](int axis) { return hn::Set(d, static_cast<T>(place[axis] - floors[axis])); };
         // Rows of a layer lie `row` elements apart; what lies between counts as 0.
         HWY_ALIGN T values[width * layer];
-        load(static_cast<std::int64_t>(floors[0]) - (half - 1), static_cast<std::int64_t>(floors[1]) - (half - 1),
-             static_cast<std::int64_t>(floors[2]) - (half - 1), values);
+        load_(*this, static_cast<std::int64_t>(floors[0]) - (half - 1),
+              static_cast<std::int64_t>(floors[1]) - (half - 1), static_cast<std::int64_t>(floors[2]) - (half - 1),
+              values);
         const auto falloff = hn::Set(d, falloff_), edge = hn::Set(d, edge_), zero = hn::Zero(d);
         HWY_ALIGN T along[16];
         for (int z = 0; z < width; z += lanes) {
@@ -91,7 +103,8 @@ class LatticePoints {
     static std::int64_t as_signed(std::size_t n) { return static_cast<std::int64_t>(n); }
 
     /// What a kernel adds: its value, counted from the base. NaN: no kernel.
-    HWY_INLINE T factor(Value value) const {
+    template <class Value>
+    [[nodiscard]] HWY_INLINE T factor(Value value) const {
         if constexpr (sizeof(Value) > sizeof(T)) {
             return value == value ? static_cast<T>(static_cast<double>(value) - counted_from_) : T(0);
         } else if constexpr (std::is_floating_point_v<Value>) {
@@ -102,7 +115,16 @@ class LatticePoints {
     }
 
     /// The samples of a window from (i, j, k) on; beyond the lattice there are none.
-    HWY_INLINE void load(std::int64_t i, std::int64_t j, std::int64_t k, T* to) const {
+    template <class Data>
+    static void load_as(const LatticePoints& points, std::int64_t i, std::int64_t j, std::int64_t k, T* to) {
+        points.load(*std::get_if<Data>(&points.field_.samples()), i, j, k, to);
+    }
+    template <class Value>
+    HWY_INLINE void load(const std::vector<Value>& samples, std::int64_t i, std::int64_t j, std::int64_t k,
+                         T* to) const {
+        const auto row_of = [&](std::int64_t y, std::int64_t z) {
+            return samples.data() + field_.row(static_cast<std::size_t>(y), static_cast<std::size_t>(z));
+        };
         if (HWY_LIKELY(i >= 0 && j >= 0 && k >= 0 && i + width <= ni_ && j + width <= nj_ && k + width <= nk_)) {
             Value window[width * layer];
             if constexpr (row != width) {
@@ -128,12 +150,8 @@ class LatticePoints {
         }
     }
 
-    [[nodiscard]] HWY_INLINE const Value* row_of(std::int64_t j, std::int64_t k) const {
-        return values_ + field_.row(static_cast<std::size_t>(j), static_cast<std::size_t>(k));
-    }
-
     const RegularField& field_;
-    const Value* values_;
+    void (*load_)(const LatticePoints& points, std::int64_t i, std::int64_t j, std::int64_t k, T* to);
     const double counted_from_;
     const T rounded_from_, rest_; ///< of counted_from_
     const std::int64_t ni_, nj_, nk_;
@@ -143,10 +161,10 @@ class LatticePoints {
     HWY_ALIGN T columns_[layer], rows_[layer]; ///< what is added to a place's distance from the sample before it
 };
 
-template <class T, class Points>
+template <class T>
 class RayExtremes {
   public:
-    RayExtremes(const ExtremesView& view, const TileShape& tile, const TilePicture<T>& picture, const Points& points)
+    RayExtremes(const ExtremesView& view, const TileShape& tile, const TilePicture<T>& picture, const Points<T>& points)
         : view_(view), tile_(tile), picture_(picture), points_(points), first_(view.places->places(TileShape{}, 0)),
           last_(view.places->places(TileShape{}, view.frame->slices - 1)),
           per_slice_(1.0 / std::max<double>(1.0, most())), radius_(view.places->radius()),
@@ -334,7 +352,7 @@ class RayExtremes {
     const ExtremesView& view_;
     const TileShape& tile_;
     const TilePicture<T>& picture_;
-    const Points& points_;
+    const Points<T>& points_;
     const LatticeReach::Places first_, last_; ///< from the picture's first pixel on, so that tiles do not matter
     const double per_slice_;
     const double radius_;
@@ -350,19 +368,14 @@ class RayExtremes {
 template <class T>
 std::uint64_t find_extremes(const ExtremesView& view, const TileShape& tile, const TilePicture<T>& picture,
                             const std::function<bool()>& between) {
-    return std::visit(
-        [&](const auto& samples) {
-            using Value = typename std::decay_t<decltype(samples)>::value_type;
-            const auto within = [&](auto half) {
-                const LatticePoints<T, Value, half.value> points(*view.field, view.sign * view.value_scale);
-                return RayExtremes<T, decltype(points)>(view, tile, picture, points).run(between);
-            };
-            const double radius = view.places->radius();
-            return radius <= 2.0   ? within(std::integral_constant<int, 2>())
-                   : radius <= 3.0 ? within(std::integral_constant<int, 3>())
-                                   : within(std::integral_constant<int, 4>());
-        },
-        view.field->samples());
+    const auto within = [&](auto half) {
+        const LatticePoints<T, half.value> points(*view.field, view.sign * view.value_scale);
+        return RayExtremes<T>(view, tile, picture, points).run(between);
+    };
+    const double radius = view.places->radius();
+    return radius <= 2.0   ? within(std::integral_constant<int, 2>())
+           : radius <= 3.0 ? within(std::integral_constant<int, 3>())
+                           : within(std::integral_constant<int, 4>());
 }
 
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE

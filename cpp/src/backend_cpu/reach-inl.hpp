@@ -155,7 +155,7 @@ HWY_NOINLINE void count_reached(const std::vector<LatticeReach>& lattices, const
                 all = {some.past, some.past};
             }
             V count = hn::Set(d, all.past - all.begin);
-            const auto look = [&](double begin, double past) SHEETSPLAT_CPU_INLINE {
+            const auto look = [&](double begin, double past) {
                 for (auto n = static_cast<std::size_t>(begin); n < static_cast<std::size_t>(past); ++n) {
                     V any = hn::Zero(d);
                     for (std::size_t number = 0; number < lattices.size(); ++number) {

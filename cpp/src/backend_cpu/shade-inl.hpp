@@ -13,6 +13,7 @@
 
 #include "backend_cpu/shading.hpp"
 #include "backend_cpu/tile.hpp"
+#include "classified-inl.hpp"
 #include "effects-inl.hpp"
 #include "groups-inl.hpp"
 #include "hwy/highway.h"
@@ -44,43 +45,30 @@ HWY_NOINLINE void shade_groups(const Slab<T>& slab) {
     });
 }
 
-/// Modes composite and isosurface, in scenes with effects of the kind of effects-inl.hpp.
+/// Modes composite and isosurface of one group. straight: without effects and cuts.
 template <class T>
-HWY_NOINLINE void shade_with_effects(const Slab<T>& slab) {
+HWY_NOINLINE void shade_group(const Slab<T>& slab, bool straight) {
     const Shading<T>& shading = slab.shading;
-    by_projection(shading, [&](auto perspective) {
-        constexpr bool in_perspective = decltype(perspective)::value;
-        if (shading.mode == Mode::isosurface) {
-            go_through_effects<Crossings, in_perspective>(slab);
-        } else if (shading.second_order) {
-            go_through_effects<SecondOrder, in_perspective>(slab);
-        } else if (shading.preintegration) {
-            go_through_effects<Intervals, in_perspective>(slab);
-        } else {
-            by_table(slab.group, [&](auto table) {
-                go_through_effects<Slices<typename decltype(table)::type>, in_perspective>(slab);
-            });
-        }
-    });
-}
-
-template <class T>
-HWY_INLINE void shade_without_effects(const Slab<T>& slab) {
-    const Shading<T>& shading = slab.shading;
-    by_projection(shading, [&](auto perspective) {
-        constexpr bool in_perspective = decltype(perspective)::value;
-        if (shading.mode == Mode::isosurface) {
-            find_crossings<in_perspective>(slab);
-        } else if (shading.preintegration) {
-            add_intervals<in_perspective>(slab);
-        } else {
-            by_table(slab.group, [&](auto table) {
-                using Table = typename decltype(table)::type;
-                shading.lit ? add_slices<Table, true, in_perspective>(slab)
-                            : add_slices<Table, false, in_perspective>(slab);
-            });
-        }
-    });
+    const auto shade = [&](const auto& kind) {
+        by_projection(shading, [&](auto perspective) {
+            if (straight) {
+                go_straight<decltype(perspective)::value>(slab, kind);
+            } else {
+                go_through_effects<decltype(perspective)::value>(slab, kind);
+            }
+        });
+    };
+    if (shading.mode == Mode::isosurface) {
+        shade(Crossings<T>(slab));
+    } else if (shading.second_order) {
+        by_projection(shading, [&](auto perspective) {
+            go_through_effects<decltype(perspective)::value>(slab, SecondOrder<T>(slab));
+        });
+    } else if (shading.preintegration) {
+        shade(Intervals<T>(slab));
+    } else {
+        with_slices(slab, shade);
+    }
 }
 
 /// Adds slice n, or with preintegration and isosurfaces the interval from slice n to n + 1, to the picture of a tile.
@@ -115,10 +103,8 @@ HWY_INLINE void shade_slab(const Shading<T>& shading, const TileShape& shape, co
         cuts ? add_counted<true>(slab) : add_counted<false>(slab);
     } else if (groups > 1 || shading.several_surfaces) {
         shade_groups(slab);
-    } else if (shading.by_effects || cuts) {
-        shade_with_effects(slab);
     } else {
-        shade_without_effects(slab);
+        shade_group(slab, !shading.by_effects && !cuts);
     }
 }
 
@@ -128,7 +114,7 @@ HWY_INLINE void absorb_slab(const Shading<T>& shading, const TileShape& shape, c
                             TilePicture<T>& picture) {
     for (std::size_t group = 0; group < shading.groups.size(); ++group) {
         const Slab<T> slab(shading, shape, window, picture, group);
-        by_table(slab.group, [&](auto table) { absorb<typename decltype(table)::type>(slab); });
+        with_slices(slab, [&](const auto& kind) { absorb(slab, kind); });
     }
 }
 

@@ -67,16 +67,10 @@ struct Slab {
 
     /// Planes are read and written in whole cache lines.
     [[nodiscard]] int first_column() const { return window.rect.x0 / lanes * lanes; }
-    /// Lanes that are inside of the rectangle: right of it sheets have borders and paddings.
-    HWY_INLINE M inside(D d, M mask, int x) const {
-        const int skipped = window.rect.x0 - x, left = window.rect.x1 - x;
-        if (HWY_UNLIKELY(skipped > 0)) {
-            mask = hn::AndNot(hn::FirstN(d, static_cast<std::size_t>(skipped)), mask);
-        }
-        if (left < lanes) {
-            mask = hn::And(mask, hn::FirstN(d, static_cast<std::size_t>(left)));
-        }
-        return mask;
+    /// Lanes of pixels that still change, on slices that belong to the part that is drawn.
+    HWY_INLINE M unfinished(D d, M mask, int y, int x) const {
+        const V so_far = hn::LoadU(d, picture.alpha + in_plane(y) + x);
+        return owned(d, hn::And(mask, hn::Lt(so_far, hn::Set(d, shading.stop))), y, x);
     }
     /// Lanes with weights of points that are not empty.
     HWY_INLINE M weighs(D d, V weight) const {
@@ -164,7 +158,7 @@ struct Slab {
     /// At the depth of the slice or interval.
     HWY_INLINE V put_behind(D d, std::ptrdiff_t at, int y, M visible, V so_far, V alpha, const Color<D>& color) const {
         return put_behind(d, at, y, visible, so_far, alpha, color,
-                          [&]() SHEETSPLAT_CPU_INLINE { return hn::Set(d, static_cast<T>(reported_depth())); });
+                          [&]() { return hn::Set(d, static_cast<T>(reported_depth())); });
     }
     /// Depths `share` slice distances behind slice n.
     HWY_INLINE V depth_behind(D d, V share) const {

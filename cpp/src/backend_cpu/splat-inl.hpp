@@ -1,4 +1,4 @@
-// Adds kernels to sheets: chooses the splat loop that a kernel's shape and the sampling call for. Source:
+// Adds kernels to sheets: chooses the splat loops that the kernels of a part and the sampling call for. Source:
 // conventions, sections 2 and 3; [NM05] section 4.2, [NM06] section 4.1, with the factors of backend_cpu/sections.hpp.
 
 #if defined(SHEETSPLAT_CPU_SPLAT_INL) == defined(HWY_TARGET_TOGGLE)
@@ -10,6 +10,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "backend_cpu/tile_task.hpp"
 #include "hwy/highway.h"
@@ -66,12 +67,94 @@ HWY_INLINE int add_kernel(Splat<T, slopes>& splat, const Section<T>& section, co
     return add_ellipses<sums>(splat, section, extra.weight, shape, count);
 }
 
-/// Adds the slices from n on, `count` of them, of a kernel. Returns how many sections were drawn.
-template <class T, bool slopes>
-HWY_INLINE int add_kernel(Splat<T, slopes>& splat, const Section<T>& section, const SectionExtra<T>& extra,
-                          const RowShape<T>& shape, int count) {
-    return with_sums<T>(splat.profile, [&](auto sums) SHEETSPLAT_CPU_INLINE {
-        return add_kernel<sums.value>(splat, section, extra, shape, count);
+/// The last slice that a kernel meets whose extent along depth is half_depth slices.
+template <class T>
+HWY_INLINE std::int32_t last_of(const Section<T>& section, T half_depth, std::int32_t most) {
+    const T further = std::floor((T(1) + section.s) * half_depth);
+    return static_cast<std::int32_t>(
+        std::min(static_cast<T>(section.first) + std::max(further, T(-1)), static_cast<T>(most)));
+}
+
+/// Kernels that are drawn one by one.
+template <Sums sums, class T, bool slopes>
+class SingleKernels {
+  public:
+    SingleKernels(Splat<T, slopes>& splat, const TileKernels<T>& kernels) : splat_(splat), kernels_(kernels) {}
+
+    /// Draws the kernel of each of some numbers. Returns how many sections were drawn.
+    HWY_NOINLINE int draw(const std::uint32_t* numbers, int number) {
+        int drawn = 0;
+        for (int kernel = 0; kernel < number; ++kernel) {
+            const Section<T>& section = kernels_.sections[numbers[kernel]];
+            const RowShape<T>& shape = kernels_.shapes[kernels_.shapes.size() == 1 ? 0 : numbers[kernel]];
+            SectionExtra<T> extra;
+            if (kernels_.extras.empty()) {
+                extra.weight = kernels_.weight;
+                extra.last = last_of(section, T(-1) / shape.ds, kernels_.last_slice);
+            } else {
+                extra = kernels_.extras[numbers[kernel]];
+            }
+            const int count = splat_.slices_of(extra.last, numbers[kernel]);
+            if (count > 0) {
+                drawn += add_kernel<sums>(splat_, section, extra, shape, count);
+            }
+        }
+        return drawn;
+    }
+
+  private:
+    Splat<T, slopes>& splat_;
+    const TileKernels<T>& kernels_;
+};
+
+/// The same of upright kernels of one shape.
+template <Sums sums, class T, bool slopes>
+class UprightKernels {
+  public:
+    UprightKernels(Splat<T, slopes>& splat, const TileKernels<T>& kernels)
+        : splat_(splat), kernels_(kernels), per_X_(T(1) / kernels.shapes.front().X),
+          half_depth_(T(-1) / kernels.shapes.front().ds) {}
+
+    HWY_NOINLINE int draw(const std::uint32_t* numbers, int number) {
+        int drawn = 0;
+        for (int kernel = 0; kernel < number; ++kernel) {
+            const Section<T>& section = kernels_.sections[numbers[kernel]];
+            const int count = splat_.slices_of(last_of(section, half_depth_, kernels_.last_slice), numbers[kernel]);
+            if (count > 0) {
+                drawn += add_spheres<sums>(splat_, section, kernels_.weight, kernels_.shapes.front(), per_X_, count);
+            }
+        }
+        return drawn;
+    }
+
+  private:
+    Splat<T, slopes>& splat_;
+    const TileKernels<T>& kernels_;
+    const T per_X_, half_depth_;
+};
+
+/// Calls use(way) with how kernels of a part are drawn on slice n and those behind it: way.draw(numbers, how many).
+/// lean: kept for the part.
+template <class T, bool slopes, class Use>
+bool with_way(Splat<T, slopes>& splat, const TileKernels<T>& kernels, const TileShape& tile, LeanTables<T>& lean,
+              const Use& use) {
+    const LoopSetup<T>& setup = splat.setup;
+    const RowShape<T>& shape = kernels.shapes.front();
+    const bool alike = kernels.shapes.size() == 1 && kernels.extras.empty() && !setup.slab;
+    const bool upright = alike && !setup.perspective && is_upright(shape);
+    return with_sums<T>(splat.profile, [&](auto sums) {
+        if (upright) {
+            return SphereBatch<sums.value, T, slopes>::holds(shape)
+                       ? use(SphereBatch<sums.value, T, slopes>(splat, kernels))
+                       : use(UprightKernels<sums.value, T, slopes>(splat, kernels));
+        }
+        if constexpr (!slopes) {
+            if (alike && are_products(setup, splat.profile, kernels, tile, splat.n, lean)) {
+                const ProductView<T> view = product_view(splat, shape, kernels.reach_x, kernels.reach_y, &lean);
+                return use(ProductBatch<sums.value, T>(splat, kernels, view));
+            }
+        }
+        return use(SingleKernels<sums.value, T, slopes>(splat, kernels));
     });
 }
 

@@ -1,5 +1,4 @@
-// The splat loop of spheres for kernels of one shape, sixteen at a time: what they need is measured in vectors that
-// hold a kernel a lane. The arithmetic is that of add_spheres.
+// The splat loop of spheres for small kernels of one shape, measured together.
 
 #if defined(SHEETSPLAT_CPU_SPLAT_BATCHES_INL) == defined(HWY_TARGET_TOGGLE)
 #ifdef SHEETSPLAT_CPU_SPLAT_BATCHES_INL
@@ -15,6 +14,7 @@
 
 #include "backend_cpu/tile_task.hpp"
 #include "hwy/highway.h"
+#include "kernel_batch-inl.hpp"
 #include "math-inl.hpp"
 #include "splat_spheres-inl.hpp"
 #include "splat_target-inl.hpp"
@@ -22,14 +22,12 @@
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
-/// Some kernels of one upright shape in an orthographic view, where they are on slice n; slopes: their derivatives are
-/// summed too.
-template <class T, bool slopes>
+/// Kernels of one upright shape in an orthographic view.
+template <Sums sums, class T, bool slopes>
 class SphereBatch {
   public:
-    static constexpr int room = 16;
-    /// Rows and columns of a kernel, at most: others are drawn one by one.
-    static constexpr int most_px = 8;
+    SphereBatch(Splat<T, slopes>& splat, const TileKernels<T>& kernels)
+        : splat_(splat), kernels_(kernels), shape_(kernels.shapes.front()), minus_k_(-splat.profile.falloff_log2) {}
 
     /// Whether kernels of this shape are small enough.
     [[nodiscard]] static bool holds(const RowShape<T>& shape) {
@@ -37,133 +35,108 @@ class SphereBatch {
         return shape.X >= least && std::abs(shape.Y2) >= least;
     }
 
-    SphereBatch(const RowShape<T>& shape, T falloff_log2, std::int32_t last_slice)
-        : shape_(shape), per_X_(T(1) / shape.X), per_Y_(T(1) / shape.Y2), per_slice_(T(-1) / shape.ds),
-          minus_k_(-falloff_log2), last_slice_(last_slice) {}
+    /// Draws the kernel of each number, 1 to batch_room of them. Returns how many sections were drawn.
+    HWY_NOINLINE int draw(const std::uint32_t* numbers, int number) {
+        measure(numbers, number);
+        int drawn = 0;
+        for (int kernel = 0; kernel < number; ++kernel) {
+            const int count = splat_.slices_of(at_.last(kernel), numbers[kernel]);
+            const Rect box = at_.box(kernel);
+            if (count <= 0 || !splat_.sees(box)) {
+                continue;
+            }
+            add(kernel, box, count, kernels_.sections[numbers[kernel]].value);
+            splat_.through[count - 1].add(box);
+            drawn += count;
+        }
+        return drawn;
+    }
 
-    /// 1 to `room` kernels, from slice splat.n on.
-    template <Sums sums>
-    HWY_INLINE void measure(const Section<T>* sections, int number, const Splat<T, slopes>& splat, T weight) {
-        const std::int32_t n = splat.n;
-        const Rect& seen = splat.live.rect;
-        at_.gather(number, [&](int kernel) -> const Section<T>& { return sections[kernel]; });
+  private:
+    static constexpr int room = batch_room;
+    /// Rows and columns of a kernel, at most.
+    static constexpr int most_px = 8;
+    static_assert(covered_slices <= most_px, "bells along depth have as much room as those along columns");
+    using D = typename KernelBatch<T>::D;
+    using V = typename KernelBatch<T>::V;
+
+    HWY_INLINE void measure(const std::uint32_t* numbers, int number) {
+        at_.gather(kernels_.sections.data(), numbers, number);
         if constexpr (slopes) {
             for (int kernel = 0; kernel < room; ++kernel) {
-                const T value = sections[std::min(kernel, number - 1)].value;
-                scale_[kernel] = Steepness<sums, T>(splat.steep(), value, weight).scale;
+                const T value = kernels_.sections[numbers[std::min(kernel, number - 1)]].value;
+                scale_[kernel] = Steepness<sums, T>(splat_.steep(), value, kernels_.weight).scale;
             }
         }
-        const hn::CappedTag<T, room> d;
-        using V = hn::Vec<decltype(d)>;
-        const V one = hn::Set(d, T(1)), per_X = hn::Set(d, per_X_), per_Y = hn::Set(d, std::abs(per_Y_));
-        const V minus_k = hn::Set(d, minus_k_), now = hn::Set(d, static_cast<T>(n));
-        const auto clamped = [&](V at, int low, int high) SHEETSPLAT_CPU_INLINE {
-            return hn::Min(hn::Max(at, hn::Set(d, static_cast<T>(low))), hn::Set(d, static_cast<T>(high)));
-        };
-        for (int kernel = 0; kernel < room; kernel += static_cast<int>(hn::Lanes(d))) {
-            const V a1 = hn::Load(d, at_.a1 + kernel), a2 = hn::Load(d, at_.a2 + kernel),
-                    s = hn::Load(d, at_.s + kernel);
-            const V middle_x = hn::Mul(hn::Neg(a1), per_X);
-            const V middle_y = hn::Mul(a2, hn::Set(d, -per_Y_));
-            const V y0 = clamped(hn::Ceil(hn::Sub(middle_y, per_Y)), seen.y0, seen.y1);
-            hn::Store(clamped(hn::Ceil(hn::Sub(middle_x, per_X)), seen.x0, seen.x1), d, x0_ + kernel);
-            hn::Store(clamped(hn::Add(hn::Floor(hn::Add(middle_x, per_X)), one), seen.x0, seen.x1), d, x1_ + kernel);
-            hn::Store(y0, d, y0_ + kernel);
-            hn::Store(clamped(hn::Add(hn::Floor(hn::Add(middle_y, per_Y)), one), seen.y0, seen.y1), d, y1_ + kernel);
-            const V further = hn::Floor(hn::Mul(hn::Add(one, s), hn::Set(d, per_slice_)));
-            const V first = hn::Load(d, at_.first + kernel);
-            hn::Store(hn::Min(hn::Add(first, hn::Max(further, hn::Neg(one))), hn::Set(d, static_cast<T>(last_slice_))),
-                      d, last_ + kernel);
-            const auto bells = [&](V at, T step, T* out, T* slope) SHEETSPLAT_CPU_INLINE {
-                for (int i = 0; i < most_px; ++i) {
-                    const V place = hn::MulAdd(hn::Set(d, step), hn::Set(d, static_cast<T>(i)), at);
-                    hn::Store(exp2_nonpositive(d, hn::Mul(minus_k, hn::Mul(place, place))), d, out + i * room + kernel);
-                    if constexpr (slopes) {
-                        hn::Store(hn::Mul(place, hn::Mul(hn::Set(d, step), hn::Load(d, scale_ + kernel))), d,
-                                  slope + i * room + kernel);
-                    }
-                }
-            };
-            bells(hn::MulAdd(hn::Set(d, shape_.Y2), y0, a2), shape_.Y2, bell_y_, slope_y_);
-            bells(hn::MulAdd(hn::Sub(now, first), hn::Set(d, shape_.ds), s), shape_.ds, bell_z_, slope_z_);
+        const D d;
+        const V half_x = hn::Set(d, T(1) / shape_.X), half_y = hn::Set(d, std::abs(T(1) / shape_.Y2));
+        const V now = hn::Set(d, static_cast<T>(splat_.n));
+        for (int kernel = 0; kernel < room; kernel += KernelBatch<T>::lanes) {
+            const V a1 = hn::Load(d, at_.a1 + kernel), a2 = hn::Load(d, at_.a2 + kernel);
+            const V x = hn::Mul(hn::Neg(a1), half_x), y = hn::Mul(a2, hn::Set(d, T(-1) / shape_.Y2));
+            at_.set_box(kernel, x, y, half_x, half_y, splat_.live.rect);
+            at_.set_last(kernel, T(-1) / shape_.ds, kernels_.last_slice);
+            const V passed = hn::Sub(now, hn::Load(d, at_.first + kernel));
+            bells_of(kernel, hn::MulAdd(hn::Set(d, shape_.Y2), hn::Load(d, at_.y0 + kernel), a2), shape_.Y2, bell_y_,
+                     slope_y_);
+            bells_of(kernel, hn::MulAdd(passed, hn::Set(d, shape_.ds), hn::Load(d, at_.s + kernel)), shape_.ds, bell_z_,
+                     slope_z_);
         }
     }
 
-    [[nodiscard]] HWY_INLINE Rect box(int kernel) const {
-        return {static_cast<int>(x0_[kernel]), static_cast<int>(y0_[kernel]), static_cast<int>(x1_[kernel]),
-                static_cast<int>(y1_[kernel])};
+    /// At `at`, at + step, ... of lanes from `kernel` on.
+    HWY_INLINE void bells_of(int kernel, V at, T step, T* out, T* slope) const {
+        const D d;
+        for (int i = 0; i < most_px; ++i) {
+            const V place = hn::MulAdd(hn::Set(d, step), hn::Set(d, static_cast<T>(i)), at);
+            const V bell = exp2_nonpositive(d, hn::Mul(hn::Set(d, minus_k_), hn::Mul(place, place)));
+            hn::Store(bell, d, out + i * room + kernel);
+            if constexpr (slopes) {
+                hn::Store(hn::Mul(place, hn::Mul(hn::Set(d, step), hn::Load(d, scale_ + kernel))), d,
+                          slope + i * room + kernel);
+            }
+        }
     }
-    /// The last slice that a kernel meets.
-    [[nodiscard]] HWY_INLINE std::int32_t last(int kernel) const { return static_cast<std::int32_t>(last_[kernel]); }
 
     /// Adds `count` slices of a kernel to the sheets.
-    template <Sums sums>
-    HWY_INLINE void add(int kernel, const Splat<T, slopes>& splat, int count, T value, T weight) const {
+    HWY_INLINE void add(int kernel, const Rect& box, int count, T value) const {
         const hn::CappedTag<T, most_px> d;
-        const Rect box = this->box(kernel);
-        const T edge = splat.profile.edge;
+        const T edge = splat_.profile.edge, weight = kernels_.weight;
         const int start = start_of<T>(box.x0, box.x1, static_cast<int>(hn::Lanes(d)));
         const T at_x = at_.a1[kernel] + shape_.X * static_cast<T>(start);
         HWY_ALIGN T bell_x[2 * most_px];
         bells(d, -minus_k_, at_x, shape_.X, box.x1 - start, bell_x);
         HWY_ALIGN T slope_x[slopes ? 2 * most_px : 1];
-        const Steepness<sums, T> steepness(splat.steep(), value, weight);
+        const Steepness<sums, T> steepness(splat_.steep(), value, weight);
         if constexpr (slopes) {
             lines(d, at_x, shape_.X, steepness.scale, box.x1 - start, slope_x);
         }
-        in_batches<slopes ? 2 : 5>(0, count, [&](int slice, auto number) SHEETSPLAT_CPU_INLINE {
+        in_batches<slopes ? 2 : 5>(0, count, [&](int slice, auto number) {
             const T* bell_y = bell_y_ + kernel;
             const T* bell_z = bell_z_ + slice * room + kernel;
             if constexpr (slopes) {
-                separable_slopes<sums, number.value, room>(d, splat.targets + slice, bell_x, bell_y, bell_z, slope_x,
+                separable_slopes<sums, number.value, room>(d, splat_.targets + slice, bell_x, bell_y, bell_z, slope_x,
                                                            slope_y_ + kernel, slope_z_ + slice * room + kernel, edge,
                                                            value, weight, steepness, AllRows{box.y1 - box.y0}, start,
                                                            box.x1, box.y0);
             } else {
-                separable_rows<sums, number.value, room>(d, splat.targets + slice, bell_x, bell_y, bell_z, edge, value,
-                                                         weight, start, box.x1, box.y0, box.y1);
+                add_rows<sums, number.value>(d, splat_.targets + slice,
+                                             SeparableBells<decltype(d), number.value, room>(bell_x, bell_y, bell_z),
+                                             edge, value, weight, start, box.x1, box.y0, box.y1);
             }
         });
     }
 
-  private:
-    static_assert(covered_slices <= most_px, "bells along depth have as much room as those along columns");
-
+    Splat<T, slopes>& splat_;
+    const TileKernels<T>& kernels_;
     const RowShape<T> shape_;
-    const T per_X_, per_Y_, per_slice_, minus_k_;
-    const std::int32_t last_slice_;
-    BatchPlaces<T, room> at_;
-    HWY_ALIGN T x0_[room], x1_[room], y0_[room], y1_[room], last_[room];
+    const T minus_k_;
+    KernelBatch<T> at_;
     HWY_ALIGN T bell_y_[most_px * room], bell_z_[most_px * room]; ///< [row or slice][kernel]
     static constexpr int slope_room = slopes ? most_px * room : 1;
     HWY_ALIGN T slope_y_[slope_room], slope_z_[slope_room]; ///< the same
     HWY_ALIGN T scale_[slopes ? room : 1];                  ///< Steepness::scale
 };
-
-/// As add_spheres, of kernels one after the other. Calls draw_again(last slice, number) for each that is drawn or only
-/// met later. Returns how many sections were drawn.
-template <Sums sums, class T, bool slopes, class DrawAgain>
-HWY_NOINLINE int add_sphere_batch(Splat<T, slopes>& splat, SphereBatch<T, slopes>& batch, const Section<T>* sections,
-                                int number, T weight, const DrawAgain& draw_again) {
-    batch.template measure<sums>(sections, number, splat, weight);
-    int drawn = 0;
-    for (int kernel = 0; kernel < number; ++kernel) {
-        const std::int32_t last = batch.last(kernel);
-        const int count = std::min(last + 1 - splat.n, covered_slices);
-        if (count <= 0) {
-            continue;
-        }
-        draw_again(last, kernel);
-        const Rect box = batch.box(kernel);
-        if (box.empty() || !splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
-            continue;
-        }
-        batch.template add<sums>(kernel, splat, count, sections[kernel].value, weight);
-        splat.through[count - 1].add(box);
-        drawn += count;
-    }
-    return drawn;
-}
 
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();

@@ -208,7 +208,7 @@ HWY_NOINLINE void walk(D d, const Splat<T, slopes>& splat, const Target<T>& to, 
         const int ridge = static_cast<int>(columns.ridge[column]);
         const auto columns_of = hn::Iota(d, static_cast<T>(x));
         const auto at_row_0 = hn::MulAdd(hn::Set(d, X), columns_of, hn::Set(d, a1));
-        const auto slope_in = [&](T row) SHEETSPLAT_CPU_INLINE {
+        const auto slope_in = [&](T row) {
             return slope_at(d, along, X * steep, Y1 * steep, Y2 * steep,
                             hn::MulAdd(hn::Set(d, Y1), hn::Set(d, row), at_row_0), Y2 * row + a2, e.s[slice],
                             columns_of, row);

@@ -16,12 +16,15 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 #include <vector>
 
 #include "backend_cpu/tile_task.hpp"
 #include "hwy/highway.h"
+#include "kernel_batch-inl.hpp"
 #include "math-inl.hpp"
 #include "splat_ellipses-inl.hpp"
+#include "splat_spheres-inl.hpp"
 #include "splat_target-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -261,76 +264,61 @@ HWY_INLINE void bells_of_both(D d, T falloff_log2, const ProductPlaces<T>& first
     }
 }
 
-/// Factors that lean, of `slices` sections from the first column and row on.
+/// Factors that lean, from the first column and row on; `stride` further on those of the row below, `apart` further on
+/// those of the next slice; 0: they are the same.
 template <class T>
-struct NoLean {
-    static constexpr bool any = false, each = false;
-};
-template <class T>
-struct SharedLean {
-    static constexpr bool any = true, each = false;
-    const T* table;
-    std::ptrdiff_t stride, apart;
-};
-template <class T>
-struct EachLean {
-    static constexpr bool any = true, each = true;
-    const T* table;
-    std::ptrdiff_t stride, apart;
+struct Lean {
+    const T* table = nullptr; ///< null: none
+    std::ptrdiff_t stride = 0, apart = 0;
 };
 
-/// Rows of `slices` sections, side by side.
-template <Sums sums, int slices, class D, class Lean, class T = hn::TFromD<D>>
-HWY_INLINE void product_rows(D d, const Target<T>* to, const Bells<T>& bells, const Lean& lean, T edge_t, T value_t,
-                             T weight_t, int x0, int x1, int y0, int y1) {
-    const int lanes = static_cast<int>(hn::Lanes(d));
-    const auto edge = hn::Set(d, edge_t), value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
-    const int stride = to[0].stride;
-    const std::size_t sheet = to[0].sheet;
-    // Copies, since the compiler must think that sheets might hold these.
-    T* values[slices];
-    T* weights[slices];
-    const T* along_x[slices];
-    const T* along_y[slices];
-    for (int slice = 0; slice < slices; ++slice) {
-        values[slice] = to[slice].value;
-        weights[slice] = to[slice].weight;
-        along_x[slice] = bells.x + slice * bells.stride;
-        along_y[slice] = bells.y + slice * bells.stride;
-    }
-    for (int x = x0; x < x1; x += lanes) {
-        hn::Vec<D> column[slices];
+/// Whether there is a factor that leans: none, one for all slices, one each.
+enum class Leans { no, alike, each };
+
+/// Gaussians of `slices` sections that are products of one along x, one along y and a factor that leans.
+template <class D, int slices, Leans leans>
+class ProductBells {
+    using T = hn::TFromD<D>;
+    using V = hn::Vec<D>;
+
+  public:
+    HWY_INLINE ProductBells(const Bells<T>& bells, const Lean<T>& lean, int first) : lean_(lean) {
         for (int slice = 0; slice < slices; ++slice) {
-            column[slice] = hn::LoadU(d, along_x[slice] + (x - x0));
+            x_[slice] = bells.x + (first + slice) * bells.stride;
+            y_[slice] = bells.y + (first + slice) * bells.stride;
         }
-        std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y0) * stride + x;
-        for (int y = 0; y < y1 - y0; ++y, at += stride) {
-            for (int slice = 0; slice < slices; ++slice) {
-                auto bell = column[slice];
-                if constexpr (Lean::any) {
-                    const T* factors = lean.table + y * lean.stride + (x - x0) + (Lean::each ? slice * lean.apart : 0);
-                    bell = hn::Mul(bell, hn::LoadU(d, factors));
-                }
-                add_bell<sums>(d, hn::MulSub(bell, hn::Set(d, along_y[slice][y]), edge), value, weight,
-                               values[slice] + at, sums != Sums::values ? weights[slice] + at : nullptr);
-            }
+        lean_.table += first * lean.apart;
+    }
+    HWY_INLINE void at_column(int x) {
+        for (int slice = 0; slice < slices; ++slice) {
+            column_[slice] = hn::LoadU(D(), x_[slice] + x);
+        }
+        factors_ = lean_.table + x;
+    }
+    HWY_INLINE void at_row(int y) {
+        at_y_ = y;
+        if constexpr (leans == Leans::alike) {
+            factor_ = hn::LoadU(D(), factors_ + y * lean_.stride);
         }
     }
-}
-
-template <Sums sums, class D, class Lean, class T = hn::TFromD<D>, bool slopes>
-HWY_INLINE void add_product_rows(D d, const Splat<T, slopes>& splat, const Bells<T>& bells, const Lean& lean, T value,
-                                 T weight, int x0, int x1, int y0, int y1, int count) {
-    in_batches<5>(0, count, [&](int slice, auto together) {
-        const Bells<T> here{bells.x + slice * bells.stride, bells.y + slice * bells.stride, bells.stride};
-        Lean leaning = lean;
-        if constexpr (Lean::each) {
-            leaning.table += slice * lean.apart;
+    [[nodiscard]] HWY_INLINE V less(V edge, int slice) const {
+        V bell = column_[slice];
+        if constexpr (leans == Leans::alike) {
+            bell = hn::Mul(bell, factor_);
+        } else if constexpr (leans == Leans::each) {
+            bell = hn::Mul(bell, hn::LoadU(D(), factors_ + at_y_ * lean_.stride + slice * lean_.apart));
         }
-        product_rows<sums, together.value>(d, splat.targets + slice, here, leaning, splat.profile.edge, value, weight,
-                                           x0, x1, y0, y1);
-    });
-}
+        return hn::MulSub(bell, hn::Set(D(), y_[slice][at_y_]), edge);
+    }
+
+  private:
+    const T* x_[slices];
+    const T* y_[slices];
+    Lean<T> lean_;
+    V column_[slices], factor_;
+    const T* factors_ = nullptr; ///< of the column
+    std::ptrdiff_t at_y_ = 0;
+};
 
 /// Columns and rows of a small kernel, at most: those of a section are the two halves of sixteen numbers.
 constexpr int small_px = 8;
@@ -356,9 +344,10 @@ HWY_INLINE void bells_of_small(T falloff_log2, const ProductPlaces<T>& first, co
 template <class T>
 struct ProductBox {
     Rect box;
-    int start;
-    T x_c, y_c;
+    int start = 0;
+    T x_c = 0, y_c = 0;
 
+    ProductBox() = default;
     ProductBox(const Rect& touched, T column, T row)
         : box(touched), start(start_of<T>(touched.x0, touched.x1, narrowest_lanes<T>(touched.x1 - touched.x0))),
           x_c(column), y_c(row) {}
@@ -396,21 +385,27 @@ HWY_NOINLINE void add_product(const ProductBox<T>& at, const Bells<T>& bells, Sp
                               T weight, const ProductView<T>& view, int count) {
     const Rect& box = at.box;
     splat.through[count - 1].add(box);
+    Lean<T> lean;
+    if (view.lean != nullptr) {
+        const T* table = view.lean->at(at.start - static_cast<int>(at.x_c), box.y0 - static_cast<int>(at.y_c));
+        lean = {table, view.lean->stride(), view.lean->apart()};
+    }
     in_narrowest<T>(box.x1 - box.x0, [&](auto d) {
-        const auto add = [&](const auto& lean) {
-            add_product_rows<sums>(d, splat, bells, lean, value, weight, at.start, box.x1, box.y0, box.y1, count);
-        };
-        if (view.lean == nullptr) {
-            add(NoLean<T>());
-            return;
-        }
-        const int u = at.start - static_cast<int>(at.x_c), v = box.y0 - static_cast<int>(at.y_c);
-        const T* table = view.lean->at(u, v);
-        if (view.spread == T(0)) {
-            add(SharedLean<T>{table, view.lean->stride(), 0});
-        } else {
-            add(EachLean<T>{table, view.lean->stride(), view.lean->apart()});
-        }
+        in_batches<5>(0, count, [&](int slice, auto together) {
+            const auto add = [&](auto leans) {
+                add_rows<sums, together.value>(
+                    d, splat.targets + slice,
+                    ProductBells<decltype(d), together.value, leans.value>(bells, lean, slice), splat.profile.edge,
+                    value, weight, at.start, box.x1, box.y0, box.y1);
+            };
+            if (lean.table == nullptr) {
+                add(std::integral_constant<Leans, Leans::no>());
+            } else if (lean.apart == 0) {
+                add(std::integral_constant<Leans, Leans::alike>());
+            } else {
+                add(std::integral_constant<Leans, Leans::each>());
+            }
+        });
     });
 }
 
@@ -436,130 +431,110 @@ HWY_NOINLINE int add_one_product(const ProductBox<T>& at, Splat<T, slopes>& spla
     return count;
 }
 
-/// Some kernels of one shape that are products, measured in vectors that hold a kernel a lane.
-template <class T>
+/// Kernels of one shape that are products.
+template <Sums sums, class T>
 class ProductBatch {
   public:
-    static constexpr int room = 16;
+    /// view: kept by the caller.
+    ProductBatch(Splat<T, false>& splat, const TileKernels<T>& kernels, const ProductView<T>& view)
+        : splat_(splat), kernels_(kernels), view_(view) {}
 
-    ProductBatch(const ProductView<T>& view, std::int32_t last_slice) : view_(view), last_slice_(last_slice) {}
+    /// Draws the kernel of each number, 1 to batch_room of them. Returns how many sections were drawn.
+    HWY_NOINLINE int draw(const std::uint32_t* numbers, int number) {
+        measure(numbers, number);
+        // The factors of all small kernels first: their rows do not wait for them.
+        Small small[room];
+        int smalls = 0, most = 0, drawn = 0;
+        for (int kernel = 0; kernel < number; ++kernel) {
+            const Section<T>& section = kernels_.sections[numbers[kernel]];
+            const int count = splat_.slices_of(at_.last(kernel), numbers[kernel]);
+            if (count <= 0) {
+                continue;
+            }
+            if (!(holds_[kernel] > T(0))) {
+                drawn += add_ellipses<sums>(splat_, section, kernels_.weight, view_.shape, count);
+                continue;
+            }
+            const Rect box = at_.box(kernel);
+            if (!splat_.sees(box)) {
+                continue;
+            }
+            drawn += count;
+            const ProductBox<T> place(box, x_c_[kernel], y_c_[kernel]);
+            if (place.small()) {
+                small[smalls++] = {place, &section, count};
+                most = std::max(most, count);
+            } else {
+                add_one_product<sums>(place, splat_, section, kernels_.weight, view_, count);
+            }
+        }
+        add_small(small, smalls, most);
+        return drawn;
+    }
 
-    /// The kernel of each number, 1 to `room` of them; n: the slice that they are drawn from on.
-    HWY_INLINE void measure(const Section<T>* sections, const std::uint32_t* numbers, int number, std::int32_t n,
-                            const Rect& seen) {
-        at_.gather(number, [&](int kernel) -> const Section<T>& { return sections[numbers[kernel]]; });
-        const hn::CappedTag<T, room> d;
-        using V = hn::Vec<decltype(d)>;
+  private:
+    static constexpr int room = batch_room;
+    using D = typename KernelBatch<T>::D;
+    using V = typename KernelBatch<T>::V;
+    struct Small {
+        ProductBox<T> place;
+        const Section<T>* section;
+        int count; ///< slices
+    };
+
+    HWY_INLINE void measure(const std::uint32_t* numbers, int number) {
+        at_.gather(kernels_.sections.data(), numbers, number);
+        const D d;
         const RowShape<T>& shape = view_.shape;
-        const auto all = [&](T value) SHEETSPLAT_CPU_INLINE { return hn::Set(d, value); };
-        const auto clamped = [&](V at, int low, int high) SHEETSPLAT_CPU_INLINE {
-            return hn::Min(hn::Max(at, all(static_cast<T>(low))), all(static_cast<T>(high)));
-        };
+        const auto all = [&](T value) { return hn::Set(d, value); };
         const V one = all(T(1)), near = all(T(2) * view_.deep * view_.spread);
-        for (int kernel = 0; kernel < room; kernel += static_cast<int>(hn::Lanes(d))) {
-            const V s = hn::Load(d, at_.s + kernel), first = hn::Load(d, at_.first + kernel);
-            const V further = hn::Floor(hn::Mul(hn::Add(one, s), all(view_.deep)));
-            hn::Store(hn::Min(hn::Add(first, hn::Max(further, hn::Neg(one))), all(static_cast<T>(last_slice_))), d,
-                      last_ + kernel);
+        for (int kernel = 0; kernel < room; kernel += KernelBatch<T>::lanes) {
+            at_.set_last(kernel, view_.deep, kernels_.last_slice);
             // Slices from the first one to the kernel's centre, and its depth.
-            const V to_centre = hn::Mul(s, all(view_.deep));
-            const V from_here = hn::Sub(hn::Add(to_centre, first), all(static_cast<T>(n)));
+            const V to_centre = hn::Mul(hn::Load(d, at_.s + kernel), all(view_.deep));
+            const V from_here =
+                hn::Sub(hn::Add(to_centre, hn::Load(d, at_.first + kernel)), all(static_cast<T>(splat_.n)));
             const V centre = hn::MulAdd(from_here, all(view_.spread), all(view_.depth));
-            const V holds = hn::IfThenElseZero(hn::Gt(centre, near), one);
-            const V per_depth = hn::Div(one, hn::IfThenElse(hn::Gt(centre, near), centre, one));
+            const auto far = hn::Gt(centre, near);
+            const V per_depth = hn::Div(one, hn::IfThenElse(far, centre, one));
             const V q1 = hn::MulAdd(to_centre, all(shape.d1), hn::Load(d, at_.a1 + kernel));
             const V q2 = hn::MulAdd(to_centre, all(shape.d2), hn::Load(d, at_.a2 + kernel));
             const V y = hn::Neg(hn::Mul(hn::Mul(q2, all(view_.per_Y)), per_depth));
             const V x = hn::Sub(hn::Neg(hn::Mul(hn::Mul(q1, all(view_.per_X)), per_depth)),
                                 hn::Mul(all(shape.Y1 * view_.per_X), y));
-            const V half_x = hn::Mul(all(view_.reach_x), per_depth), half_y = hn::Mul(all(view_.reach_y), per_depth);
-            const auto put = [&](V at, T* out) SHEETSPLAT_CPU_INLINE { hn::Store(at, d, out + kernel); };
-            put(clamped(hn::Ceil(hn::Sub(x, half_x)), seen.x0, seen.x1), x0_);
-            put(clamped(hn::Ceil(hn::Sub(y, half_y)), seen.y0, seen.y1), y0_);
-            put(clamped(hn::Add(hn::Floor(hn::Add(x, half_x)), one), seen.x0, seen.x1), x1_);
-            put(clamped(hn::Add(hn::Floor(hn::Add(y, half_y)), one), seen.y0, seen.y1), y1_);
+            at_.set_box(kernel, x, y, hn::Mul(all(view_.reach_x), per_depth), hn::Mul(all(view_.reach_y), per_depth),
+                        splat_.live.rect);
             // The centre is not far outside the box, which it lies in the middle of unless that is cut.
-            put(hn::Floor(hn::Add(x, all(T(0.5)))), x_c_);
-            put(hn::Floor(hn::Add(y, all(T(0.5)))), y_c_);
-            put(holds, holds_);
+            hn::Store(hn::Floor(hn::Add(x, all(T(0.5)))), d, x_c_ + kernel);
+            hn::Store(hn::Floor(hn::Add(y, all(T(0.5)))), d, y_c_ + kernel);
+            hn::Store(hn::IfThenElseZero(far, one), d, holds_ + kernel);
         }
     }
 
-    /// The last slice that a kernel meets.
-    [[nodiscard]] HWY_INLINE std::int32_t last(int kernel) const { return static_cast<std::int32_t>(last_[kernel]); }
-
-    /// Whether a kernel is not so near that its reach is another one.
-    [[nodiscard]] HWY_INLINE bool holds(int kernel) const { return holds_[kernel] > T(0); }
-    [[nodiscard]] HWY_INLINE Rect box(int kernel) const {
-        return {static_cast<int>(x0_[kernel]), static_cast<int>(y0_[kernel]), static_cast<int>(x1_[kernel]),
-                static_cast<int>(y1_[kernel])};
+    /// most: slices of any.
+    void add_small(const Small* small, int number, int most) {
+        HWY_ALIGN T bells[room * covered_slices * 2 * small_px];
+        constexpr int apart = covered_slices * 2 * small_px;
+        for (int i = 0; i < number; ++i) {
+            ProductPlaces<T> first, more;
+            find_places(small[i].place, *small[i].section, view_, static_cast<T>(splat_.n - small[i].section->first),
+                        first, more);
+            bells_of_small(splat_.profile.falloff_log2, first, more, view_.lean != nullptr, most, bells + i * apart);
+        }
+        for (int i = 0; i < number; ++i) {
+            const T* own = bells + i * apart;
+            add_product<sums>(small[i].place, Bells<T>{own, own + small_px, 2 * small_px}, splat_,
+                              small[i].section->value, kernels_.weight, view_, small[i].count);
+        }
     }
-    [[nodiscard]] HWY_INLINE ProductBox<T> place(int kernel) const {
-        return ProductBox<T>(box(kernel), x_c_[kernel], y_c_[kernel]);
-    }
 
-  private:
+    Splat<T, false>& splat_;
+    const TileKernels<T>& kernels_;
     const ProductView<T>& view_;
-    const std::int32_t last_slice_;
-    BatchPlaces<T, room> at_;
-    HWY_ALIGN T x0_[room], y0_[room], x1_[room], y1_[room]; ///< pixels that it can touch
-    HWY_ALIGN T x_c_[room], y_c_[room];                     ///< the pixel that its centre is in
-    HWY_ALIGN T last_[room], holds_[room];
+    KernelBatch<T> at_;
+    HWY_ALIGN T x_c_[room], y_c_[room]; ///< the pixel that its centre is in
+    HWY_ALIGN T holds_[room];           ///< 1: it is not so near that its reach is another one
 };
-
-/// Draws the kernel of each number on slice n and those behind it. Calls draw_again(last slice, number) for each that
-/// is drawn or only met later. Returns how many sections were drawn.
-template <Sums sums, class T, bool slopes, class DrawAgain>
-HWY_NOINLINE int add_product_batch(Splat<T, slopes>& splat, ProductBatch<T>& batch, const ProductView<T>& view,
-                                   const Section<T>* sections, const std::uint32_t* numbers, int number, T weight,
-                                   const DrawAgain& draw_again) {
-    constexpr int room = ProductBatch<T>::room;
-    batch.measure(sections, numbers, number, splat.n, splat.live.rect);
-    int drawn = 0;
-    // The factors of all small kernels first: their rows do not wait for them.
-    int small[room], counts[room];
-    int smalls = 0, most = 0;
-    for (int kernel = 0; kernel < number; ++kernel) {
-        const std::int32_t last = batch.last(kernel);
-        const int count = std::min(last + 1 - splat.n, covered_slices);
-        if (count <= 0) {
-            continue;
-        }
-        draw_again(last, numbers[kernel]);
-        const Section<T>& section = sections[numbers[kernel]];
-        if (!batch.holds(kernel)) {
-            drawn += add_ellipses<sums>(splat, section, weight, view.shape, count);
-            continue;
-        }
-        const Rect box = batch.box(kernel);
-        if (box.empty() || !splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
-            continue;
-        }
-        drawn += count;
-        const ProductBox<T> at = batch.place(kernel);
-        if (!at.small()) {
-            add_one_product<sums>(at, splat, section, weight, view, count);
-            continue;
-        }
-        small[smalls] = kernel;
-        counts[smalls++] = count;
-        most = std::max(most, count);
-    }
-    HWY_ALIGN T bells[room * covered_slices * 2 * small_px];
-    constexpr int apart = covered_slices * 2 * small_px;
-    for (int i = 0; i < smalls; ++i) {
-        const Section<T>& section = sections[numbers[small[i]]];
-        ProductPlaces<T> first, more;
-        find_places(batch.place(small[i]), section, view, static_cast<T>(splat.n - section.first), first, more);
-        bells_of_small(splat.profile.falloff_log2, first, more, view.lean != nullptr, most, bells + i * apart);
-    }
-    for (int i = 0; i < smalls; ++i) {
-        const T* of_kernel = bells + i * apart;
-        add_product<sums>(batch.place(small[i]), Bells<T>{of_kernel, of_kernel + small_px, 2 * small_px}, splat,
-                          sections[numbers[small[i]]].value, weight, view, counts[i]);
-    }
-    return drawn;
-}
 
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();

@@ -209,7 +209,7 @@ HWY_INLINE void thick_slabs(D d, const PartProfile<T>& profile, const SlabRays<D
     struct End {
         V at, integral, bell;
     };
-    const auto end_at = [&](int number) SHEETSPLAT_CPU_INLINE {
+    const auto end_at = [&](int number) {
         End end;
         const V at = hn::MulAdd(hn::Set(d, static_cast<T>(number) - T(0.5)), rays.way, rays.here);
         end.at = hn::Min(hn::Max(at, back), rays.half_chord);
@@ -247,7 +247,7 @@ HWY_INLINE void thin_slabs(D d, const PartProfile<T>& profile, const SlabRays<D>
     const V back = hn::Neg(rays.half_chord), half_way = hn::Mul(half, rays.way);
     // (Beyond it the Gaussian has nothing left.)
     const V largest = hn::Set(d, T(4));
-    const auto all = [&](double number) SHEETSPLAT_CPU_INLINE { return hn::Set(d, static_cast<T>(number)); };
+    const auto all = [&](double number) { return hn::Set(d, static_cast<T>(number)); };
     for (int number = first; number < past; ++number) {
         const V middle = hn::MulAdd(all(number), rays.way, rays.here);
         // From the middle of the slab: lengths of slabs are right to the last digit.
@@ -284,39 +284,61 @@ HWY_INLINE void thin_slabs(D d, const PartProfile<T>& profile, const SlabRays<D>
 }
 
 /// Means over the slabs of a kernel along the rays of any view. What depends on the ray alone is found once for all
-/// slabs. every: all slabs are gone through on every ray.
+/// slabs.
 template <Sums sums, class D, class T, bool slopes>
-HWY_INLINE int ray_slabs(D d, Splat<T, slopes>& splat, const SlabKernel<T>& kernel, T value_t, T weight_t, int count,
-                         const Rect& box, bool every) {
+class RaySlabs {
+  public:
+    /// every: all slabs are gone through on every ray.
+    RaySlabs(Splat<T, slopes>& splat, const SlabKernel<T>& kernel, T value, T weight, int count, const Rect& box,
+             bool every)
+        : splat_(splat), kernel_(kernel), bounds_(kernel, box), box_(box), value_(value), weight_(weight),
+          steepness_(splat.steep(), value, weight), count_(count), every_(every) {
+        std::fill(std::begin(any_), std::end(any_), every);
+    }
+
+    /// Returns how many slabs were drawn.
+    int draw() {
+        for (int y = box_.y0; y < box_.y1; ++y) {
+            draw_row(y);
+        }
+        int drawn = 0;
+        for (int number = 0; number < count_; ++number) {
+            if (any_[number]) {
+                splat_.single[number].add(bounds_.of_slab(number));
+                ++drawn;
+            }
+        }
+        return drawn;
+    }
+
+  private:
     using V = hn::Vec<D>;
-    const int lanes = static_cast<int>(hn::Lanes(d));
-    const PartProfile<T>& profile = splat.profile;
-    const SlabBounds<T> bounds(kernel, box);
-    const V zero = hn::Zero(d), one = hn::Set(d, T(1));
-    const V value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
-    const V w3 = hn::Set(d, kernel.ds), q3 = hn::Set(d, kernel.s), X = hn::Set(d, kernel.X);
-    const V turn = hn::Set(d, kernel.spread * kernel.X);
-    const bool perspective = kernel.perspective();
-    const T least_way = shortest_slab<T> / profile.root_falloff;
-    const Steepness<sums, T> steepness(splat.steep(), value_t, weight_t);
-    bool any[covered_slices];
-    std::fill(std::begin(any), std::end(any), every);
-    for (int y = box.y0; y < box.y1; ++y) {
-        const int x0 = bounds.first[y - box.y0], x1 = bounds.past[y - box.y0];
+    using M = hn::Mask<D>;
+    struct Range {
+        int first, past;
+    };
+
+    HWY_INLINE void draw_row(int y) {
+        const D d;
+        const int lanes = static_cast<int>(hn::Lanes(d));
+        const int x0 = bounds_.first[y - box_.y0], x1 = bounds_.past[y - box_.y0];
+        const bool perspective = kernel_.perspective();
         const T row = static_cast<T>(y);
-        const T q2_t = kernel.Y2 * row + kernel.a2, w2_t = kernel.second_way(row), w1_t = kernel.first_way(T(0), row);
-        const T c1_t = q2_t * kernel.ds - kernel.s * w2_t;
-        const T others2_t = w2_t * w2_t + kernel.ds * kernel.ds;
-        const V q2 = hn::Set(d, q2_t), w2 = hn::Set(d, w2_t), b = hn::Set(d, kernel.Y1 * row + kernel.a1);
-        const V others = hn::Set(d, q2_t * w2_t + kernel.s * kernel.ds);
-        const V c1_squared = hn::Set(d, c1_t * c1_t), others2 = hn::Set(d, others2_t);
+        const T q2_t = kernel_.Y2 * row + kernel_.a2, w2_t = kernel_.second_way(row);
+        const T w1_t = kernel_.first_way(T(0), row), c1_t = q2_t * kernel_.ds - kernel_.s * w2_t;
+        const T others2_t = w2_t * w2_t + kernel_.ds * kernel_.ds;
+        const V one = hn::Set(d, T(1)), w3 = hn::Set(d, kernel_.ds), q3 = hn::Set(d, kernel_.s);
+        const V X = hn::Set(d, kernel_.X), turn = hn::Set(d, kernel_.spread * kernel_.X);
+        const V q2 = hn::Set(d, q2_t), w2 = hn::Set(d, w2_t), b = hn::Set(d, kernel_.Y1 * row + kernel_.a1);
+        const V others = hn::Set(d, q2_t * w2_t + kernel_.s * kernel_.ds);
+        const V c1 = hn::Set(d, c1_t), c1_squared = hn::Set(d, c1_t * c1_t), others2 = hn::Set(d, others2_t);
         V w1 = hn::Set(d, w1_t);
         // In orthographic views rays are alike.
         const T way = perspective ? T(1) : std::sqrt(w1_t * w1_t + others2_t);
         SlabRays<D> rays;
         rays.way = hn::Set(d, way);
         rays.per_way = hn::Set(d, T(1) / way);
-        const std::ptrdiff_t in_sheet = static_cast<std::ptrdiff_t>(y) * splat.targets[0].stride;
+        const std::ptrdiff_t in_sheet = static_cast<std::ptrdiff_t>(y) * splat_.targets[0].stride;
         for (int x = x1 - x0 <= lanes ? x0 : x0 & ~(lanes - 1); x < x1; x += lanes) {
             const V column = hn::Iota(d, static_cast<T>(x));
             const V q1 = hn::MulAdd(X, column, b);
@@ -330,85 +352,105 @@ HWY_INLINE int ray_slabs(D d, Splat<T, slopes>& splat, const SlabKernel<T>& kern
             const V per_way2 = hn::Mul(rays.per_way, rays.per_way);
             rays.p2 = hn::Mul(hn::MulAdd(c2, c2, hn::MulAdd(c3, c3, c1_squared)), per_way2);
             const V inside = hn::Sub(one, rays.p2);
-            const auto met = hn::Gt(inside, zero);
+            const M met = hn::Gt(inside, hn::Zero(d));
             if (hn::AllFalse(d, met)) {
                 continue;
             }
-            rays.half_chord = hn::Sqrt(hn::Max(inside, zero));
+            rays.half_chord = hn::Sqrt(hn::Max(inside, hn::Zero(d)));
             rays.here = hn::Mul(hn::MulAdd(q1, w1, others), rays.per_way);
             if constexpr (slopes) {
                 rays.near1 = hn::Mul(per_way2, hn::MulSub(w2, c3, hn::Mul(w3, c2)));
-                rays.near2 = hn::Mul(per_way2, hn::MulSub(w3, hn::Set(d, c1_t), hn::Mul(w1, c3)));
+                rays.near2 = hn::Mul(per_way2, hn::MulSub(w3, c1, hn::Mul(w1, c3)));
                 rays.along1 = hn::Mul(w1, rays.per_way);
                 rays.along2 = hn::Mul(w2, rays.per_way);
             }
-            const auto add = [&](int number, const SlabMean<D>& mean) SHEETSPLAT_CPU_INLINE {
-                const Target<T>& to = splat.targets[number];
-                add_reached<sums>(d, mean.lowered, mean.reached, value, weight, to, in_sheet + x);
-                if constexpr (slopes) {
-                    // The mean of q times the Gaussian.
-                    const V m1 = hn::MulAdd(rays.near1, mean.plain, hn::Mul(rays.along1, mean.moment));
-                    const V m2 = hn::MulAdd(rays.near2, mean.plain, hn::Mul(rays.along2, mean.moment));
-                    const T scale = steepness.scale * (T(1) + static_cast<T>(number) * kernel.spread);
-                    const Slope<D> slope{
-                        hn::Mul(m1, hn::Set(d, kernel.X * scale)),
-                        hn::MulAdd(m1, hn::Set(d, kernel.Y1 * scale), hn::Mul(m2, hn::Set(d, kernel.Y2 * scale))),
-                        hn::Mul(hn::Mul(mean.moment, rays.way), hn::Set(d, steepness.scale))};
-                    add_slope<sums>(d, one, slope, steepness.ratio, to, in_sheet + x);
-                }
-            };
-            const auto through = [&](hn::Mask<D> taken, const auto& draw) SHEETSPLAT_CPU_INLINE {
-                if (every) {
-                    draw(0, count);
-                    return;
-                }
-                const V far = hn::Set(d, T(1e6));
-                const V entered = hn::Mul(hn::Sub(hn::Neg(rays.half_chord), rays.here), rays.per_way);
-                const V left = hn::Mul(hn::Sub(rays.half_chord, rays.here), rays.per_way);
-                const T least = hn::GetLane(hn::MinOfLanes(d, hn::IfThenElse(taken, entered, far)));
-                const T most = hn::GetLane(hn::MaxOfLanes(d, hn::IfThenElse(taken, left, hn::Neg(far))));
-                const int first = whole(std::floor(least + T(0.5)), 0, count);
-                const int past = whole(std::ceil(most - T(0.5)) + T(1), 0, count);
-                if (first < past) {
-                    for (int number = first; number < past; ++number) {
-                        any[number] = true;
-                    }
-                    draw(first, past);
-                }
-            };
-            const auto thick = [&](int first, int past) SHEETSPLAT_CPU_INLINE {
-                if (profile.integrates) {
-                    thick_slabs<slopes>(d, profile, rays, first, past, PolynomialIntegral<D>{profile}, add);
-                } else {
-                    thick_slabs<slopes>(d, profile, rays, first, past, ClosedIntegral<D>{profile}, add);
-                }
-            };
-            const auto thin = [&](int first, int past)
-                                  SHEETSPLAT_CPU_INLINE { thin_slabs<slopes>(d, profile, rays, first, past, add); };
-            const auto are_thin = hn::And(met, hn::Lt(rays.way, hn::Set(d, least_way)));
-            if (HWY_LIKELY(hn::AllFalse(d, are_thin))) {
-                through(met, thick);
-                continue;
-            }
-            const auto are_thick = hn::AndNot(are_thin, met);
-            const V chord = rays.half_chord;
-            rays.half_chord = hn::IfThenElseZero(are_thin, chord);
-            through(are_thin, thin);
-            if (HWY_UNLIKELY(!hn::AllFalse(d, are_thick))) {
-                rays.half_chord = hn::IfThenElseZero(are_thick, chord);
-                through(are_thick, thick);
-            }
+            add_slabs(rays, met, in_sheet + x);
         }
     }
-    int drawn = 0;
-    for (int number = 0; number < count; ++number) {
-        if (any[number]) {
-            splat.single[number].add(bounds.of_slab(number));
-            ++drawn;
+
+    /// met: rays that meet the support. at: element of the sheets.
+    HWY_INLINE void add_slabs(SlabRays<D>& rays, M met, std::ptrdiff_t at) {
+        const D d;
+        const M are_thin = hn::And(met, hn::Lt(rays.way, hn::Set(d, shortest_slab<T> / splat_.profile.root_falloff)));
+        if (HWY_LIKELY(hn::AllFalse(d, are_thin))) {
+            add_thick(rays, met, at);
+            return;
+        }
+        const M are_thick = hn::AndNot(are_thin, met);
+        const V chord = rays.half_chord;
+        rays.half_chord = hn::IfThenElseZero(are_thin, chord);
+        add_thin(rays, met_by(rays, are_thin), at);
+        if (HWY_UNLIKELY(!hn::AllFalse(d, are_thick))) {
+            rays.half_chord = hn::IfThenElseZero(are_thick, chord);
+            add_thick(rays, are_thick, at);
         }
     }
-    return drawn;
-}
+
+    /// The slabs that some of the rays meet inside the support.
+    HWY_INLINE Range met_by(const SlabRays<D>& rays, M some) {
+        if (every_) {
+            return {0, count_};
+        }
+        const D d;
+        const V far = hn::Set(d, T(1e6));
+        const V entered = hn::Mul(hn::Sub(hn::Neg(rays.half_chord), rays.here), rays.per_way);
+        const V left = hn::Mul(hn::Sub(rays.half_chord, rays.here), rays.per_way);
+        const T least = hn::GetLane(hn::MinOfLanes(d, hn::IfThenElse(some, entered, far)));
+        const T most = hn::GetLane(hn::MaxOfLanes(d, hn::IfThenElse(some, left, hn::Neg(far))));
+        const Range range{whole(std::floor(least + T(0.5)), 0, count_),
+                          whole(std::ceil(most - T(0.5)) + T(1), 0, count_)};
+        for (int number = range.first; number < range.past; ++number) {
+            any_[number] = true;
+        }
+        return range;
+    }
+
+    HWY_INLINE void add_thick(const SlabRays<D>& rays, M some, std::ptrdiff_t at) {
+        const Range range = met_by(rays, some);
+        if (splat_.profile.integrates) {
+            add_thick_by(rays, range, PolynomialIntegral<D>{splat_.profile}, at);
+        } else {
+            add_thick_by(rays, range, ClosedIntegral<D>{splat_.profile}, at);
+        }
+    }
+    template <class Integral>
+    HWY_NOINLINE void add_thick_by(const SlabRays<D>& rays, const Range& range, const Integral& integral,
+                                   std::ptrdiff_t at) const {
+        thick_slabs<slopes>(D(), splat_.profile, rays, range.first, range.past, integral,
+                            [&](int number, const SlabMean<D>& mean) { add(rays, number, mean, at); });
+    }
+    HWY_NOINLINE void add_thin(const SlabRays<D>& rays, const Range& range, std::ptrdiff_t at) const {
+        thin_slabs<slopes>(D(), splat_.profile, rays, range.first, range.past,
+                           [&](int number, const SlabMean<D>& mean) { add(rays, number, mean, at); });
+    }
+
+    HWY_INLINE void add(const SlabRays<D>& rays, int number, const SlabMean<D>& mean, std::ptrdiff_t at) const {
+        const D d;
+        const Target<T>& to = splat_.targets[number];
+        add_reached<sums>(d, mean.lowered, mean.reached, hn::Set(d, value_), hn::Set(d, weight_), to, at);
+        if constexpr (slopes) {
+            // The mean of q times the Gaussian.
+            const V m1 = hn::MulAdd(rays.near1, mean.plain, hn::Mul(rays.along1, mean.moment));
+            const V m2 = hn::MulAdd(rays.near2, mean.plain, hn::Mul(rays.along2, mean.moment));
+            const T scale = steepness_.scale * (T(1) + static_cast<T>(number) * kernel_.spread);
+            const Slope<D> slope{
+                hn::Mul(m1, hn::Set(d, kernel_.X * scale)),
+                hn::MulAdd(m1, hn::Set(d, kernel_.Y1 * scale), hn::Mul(m2, hn::Set(d, kernel_.Y2 * scale))),
+                hn::Mul(hn::Mul(mean.moment, rays.way), hn::Set(d, steepness_.scale))};
+            add_slope<sums>(d, hn::Set(d, T(1)), slope, steepness_.ratio, to, at);
+        }
+    }
+
+    Splat<T, slopes>& splat_;
+    const SlabKernel<T>& kernel_;
+    const SlabBounds<T> bounds_;
+    const Rect& box_;
+    const T value_, weight_;
+    const Steepness<sums, T> steepness_;
+    const int count_;
+    const bool every_;
+    bool any_[covered_slices]; ///< slabs that were drawn
+};
 
 template <Sums sums, class T, bool slopes>
 HWY_NOINLINE int add_ray_slabs(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
@@ -426,9 +468,11 @@ HWY_NOINLINE int add_ray_slabs(Splat<T, slopes>& splat, const Section<T>& sectio
     // Wide vectors hold rays that cross other slabs.
     const bool alike = std::abs(kernel.X * w1) * T(8) < across2 + depth2;
     if (alike && box.x1 - box.x0 > 8) {
-        return ray_slabs<sums>(hn::CappedTag<T, 16>(), splat, kernel, section.value, weight, count, box, every);
+        return RaySlabs<sums, hn::CappedTag<T, 16>, T, slopes>(splat, kernel, section.value, weight, count, box, every)
+            .draw();
     }
-    return ray_slabs<sums>(hn::CappedTag<T, 8>(), splat, kernel, section.value, weight, count, box, every);
+    return RaySlabs<sums, hn::CappedTag<T, 8>, T, slopes>(splat, kernel, section.value, weight, count, box, every)
+        .draw();
 }
 
 /// The slabs of a kernel along rays that are one of its axes: where they end along it, from back to front as q3 falls,
@@ -468,7 +512,7 @@ struct UprightRows {
     HWY_ALIGN T place[most_edge]; ///< q2
 };
 
-/// As separable_rows, of means over slabs: a difference of the profile's integral between the ends of each slab or, on
+/// As add_rows, of means over slabs: a difference of the profile's integral between the ends of each slab or, on
 /// rays that leave the kernel inside it, to where they do.
 template <Sums sums, class D, class T, bool slopes>
 HWY_INLINE void upright_slabs(D d, const Splat<T, slopes>& splat, const SlabKernel<T>& kernel, const SlabEnds<T>& ends,
@@ -504,7 +548,7 @@ HWY_INLINE void upright_slabs(D d, const Splat<T, slopes>& splat, const SlabKern
             const V half_chord = hn::Sqrt(hn::Max(squared, zero)), back = hn::Neg(half_chord);
             const V bell = hn::Mul(bell_x, hn::Set(d, rows.bell[y]));
             const V last = integral(d, half_chord, hn::Mul(bell, thin), edge), first = hn::Neg(last);
-            const auto end_at = [&](int number) SHEETSPLAT_CPU_INLINE {
+            const auto end_at = [&](int number) {
                 const V place = hn::Set(d, ends.place[number]);
                 const auto behind = hn::Ge(place, half_chord), ahead = hn::Le(place, back);
                 const V inside = hn::MulSub(bell, hn::Set(d, ends.integral[number]), hn::Set(d, ends.lowered[number]));

@@ -32,35 +32,53 @@ HWY_INLINE void bells(D d, T falloff_log2, T at, T step, int count, T* out) {
     }
 }
 
-/// Rows of `slices` sections whose Gaussian is a product of one along x, which starts at pixel x0, one along y and one
-/// along depth; the latter two are stride_of_bells elements apart. The sections' sheets are written side by
-/// side, so that one loop serves all of them.
-template <Sums sums, int slices, int stride_of_bells = 1, class D, class T = hn::TFromD<D>>
-HWY_INLINE void separable_rows(D d, const Target<T>* to, const T* bell_x, const T* bell_y, const T* bell_z, T edge_t,
-                               T value_t, T weight_t, int x0, int x1, int y0, int y1) {
-    const int lanes = static_cast<int>(hn::Lanes(d));
-    const auto edge = hn::Set(d, edge_t);
-    const auto value = hn::Set(d, value_t);
-    const auto weight = hn::Set(d, weight_t);
-    const int stride = to[0].stride;
-    const std::size_t sheet = to[0].sheet;
+/// Gaussians of `slices` sections that share one along x, which starts at the first column, and one along y; the latter
+/// and those along depth are stride_of_bells elements apart.
+template <class D, int slices, int stride_of_bells>
+class SeparableBells {
+    using T = hn::TFromD<D>;
+    using V = hn::Vec<D>;
+
+  public:
+    HWY_INLINE SeparableBells(const T* bell_x, const T* bell_y, const T* bell_z) : bell_x_(bell_x), bell_y_(bell_y) {
+        for (int slice = 0; slice < slices; ++slice) {
+            z_[slice] = bell_z[slice * stride_of_bells];
+        }
+    }
+    HWY_INLINE void at_column(int x) { column_ = hn::LoadU(D(), bell_x_ + x); }
+    HWY_INLINE void at_row(int y) { here_ = hn::Mul(column_, hn::Set(D(), bell_y_[y * stride_of_bells])); }
+    [[nodiscard]] HWY_INLINE V less(V edge, int slice) const {
+        return hn::MulSub(here_, hn::Set(D(), z_[slice]), edge);
+    }
+
+  private:
+    const T* bell_x_;
+    const T* bell_y_;
+    T z_[slices];
+    V column_, here_;
+};
+
+/// Adds rows of `slices` sections, whose sheets are written side by side, so that one loop serves all of them; column
+/// by column of vectors, of which `bells` keeps what it can in registers.
+template <Sums sums, int slices, class D, class Bells, class T = hn::TFromD<D>>
+HWY_INLINE void add_rows(D d, const Target<T>* to, Bells bells, T edge_t, T value_t, T weight_t, int x0, int x1, int y0,
+                         int y1) {
+    const auto edge = hn::Set(d, edge_t), value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
+    const std::ptrdiff_t stride = to[0].stride;
     // Copies, since the compiler must think that sheets might hold these.
     T* values[slices];
     T* weights[slices];
-    T z[slices];
     for (int slice = 0; slice < slices; ++slice) {
         values[slice] = to[slice].value;
         weights[slice] = to[slice].weight;
-        z[slice] = bell_z[slice * stride_of_bells];
     }
-    // Column by column of vectors, whose Gaussian along x stays in a register.
-    for (int x = x0; x < x1; x += lanes) {
-        const auto bell = hn::LoadU(d, bell_x + (x - x0));
-        std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y0) * stride + x;
+    for (int x = x0; x < x1; x += static_cast<int>(hn::Lanes(d))) {
+        bells.at_column(x - x0);
+        std::ptrdiff_t at = y0 * stride + x;
         for (int y = 0; y < y1 - y0; ++y, at += stride) {
-            const auto here = hn::Mul(bell, hn::Set(d, bell_y[y * stride_of_bells]));
+            bells.at_row(y);
             for (int slice = 0; slice < slices; ++slice) {
-                add_bell<sums>(d, hn::MulSub(here, hn::Set(d, z[slice]), edge), value, weight, values[slice] + at,
+                add_bell<sums>(d, bells.less(edge, slice), value, weight, values[slice] + at,
                                sums != Sums::values ? weights[slice] + at : nullptr);
             }
         }
@@ -107,7 +125,7 @@ struct AllRows {
     }
 };
 
-/// As separable_rows, with the derivatives.
+/// As add_rows of SeparableBells, with the derivatives.
 template <Sums sums, int slices, int stride_of_bells = 1, class D, class Rows, class T = hn::TFromD<D>>
 HWY_INLINE void separable_slopes(D d, const Target<T>* to, const T* bell_x, const T* bell_y, const T* bell_z,
                                  const T* slope_x, const T* slope_y, const T* slope_z, T edge_t, T value_t, T weight_t,
@@ -125,7 +143,7 @@ HWY_INLINE void separable_slopes(D d, const Target<T>* to, const T* bell_x, cons
     for (int x = x0; x < x1; x += lanes) {
         const auto column = hn::LoadU(d, bell_x + (x - x0));
         const auto slope_x_here = hn::LoadU(d, slope_x + (x - x0));
-        rows.of_columns(x - x0, lanes, [&](int first, int past) SHEETSPLAT_CPU_INLINE {
+        rows.of_columns(x - x0, lanes, [&](int first, int past) {
             std::ptrdiff_t at = static_cast<std::ptrdiff_t>(y0 + first) * stride + x;
             for (int y = first; y < past; ++y, at += stride) {
                 const auto here = hn::Mul(column, hn::Set(d, bell_y[y * stride_of_bells]));
@@ -200,9 +218,9 @@ HWY_NOINLINE int add_spheres(Splat<T, slopes>& splat, const Section<T>& section,
                                                  slope_y, slope_z + slice, splat.profile.edge, section.value, weight,
                                                  steepness, rows, start, box.x1, box.y0);
             } else {
-                separable_rows<sums, together>(d, splat.targets + slice, bell_x, bell_y, bell_z + slice,
-                                               splat.profile.edge, section.value, weight, start, box.x1, box.y0,
-                                               box.y1);
+                add_rows<sums, together>(d, splat.targets + slice,
+                                         SeparableBells<decltype(d), together, 1>(bell_x, bell_y, bell_z + slice),
+                                         splat.profile.edge, section.value, weight, start, box.x1, box.y0, box.y1);
             }
         });
     });

@@ -13,6 +13,7 @@
 #include <cstdint>
 #include <limits>
 #include <type_traits>
+#include <vector>
 
 #include "backend_cpu/tile_task.hpp"
 #include "hwy/highway.h"
@@ -151,24 +152,6 @@ HWY_INLINE auto with_sums(const PartProfile<T>& profile, const Use& use) {
                                        : use(std::integral_constant<Sums, Sums::values>());
 }
 
-/// Where kernels of a batch are, a lane each.
-template <class T, int room>
-struct BatchPlaces {
-    HWY_ALIGN T a1[room], a2[room], s[room], first[room];
-
-    /// Of 1 to `room` kernels; in lanes that are left the last one again. section_of(kernel): its section.
-    template <class SectionOf>
-    HWY_INLINE void gather(int number, const SectionOf& section_of) {
-        for (int kernel = 0; kernel < room; ++kernel) {
-            const Section<T>& section = section_of(std::min(kernel, number - 1));
-            a1[kernel] = section.a1;
-            a2[kernel] = section.a2;
-            s[kernel] = section.s;
-            first[kernel] = static_cast<T>(section.first);
-        }
-    }
-};
-
 /// Kernels of one field on their way to the sheets of slices n ... n + covered_slices - 1; with_slopes: their
 /// derivatives are summed too.
 template <class T, bool with_slopes>
@@ -179,6 +162,7 @@ struct Splat {
     const Live& live; ///< where anything can still be seen
     std::int32_t n;
     const Target<T>* targets;          ///< the sheets of these slices
+    std::vector<std::uint32_t>& again; ///< numbers of kernels that reach slice n + covered_slices
     Rect through[covered_slices] = {}; ///< added to slices n ... n + i
     Rect single[covered_slices] = {};  ///< added to slice n + i alone
 
@@ -186,6 +170,18 @@ struct Splat {
     [[nodiscard]] HWY_INLINE T steep() const { return T(-2) * profile.root_falloff * profile.root_falloff; }
     [[nodiscard]] HWY_INLINE T depth_of(std::int32_t slice) const {
         return static_cast<T>(setup.first_depth + static_cast<double>(slice) * setup.slice_spacing);
+    }
+
+    /// How many of the slices a kernel meets whose last one is given; it is noted where it reaches beyond them.
+    [[nodiscard]] HWY_INLINE int slices_of(std::int32_t last, std::uint32_t number) {
+        if (last >= n + covered_slices) {
+            again.push_back(number);
+        }
+        return std::min(last + 1 - n, covered_slices);
+    }
+    /// Whether anything of a box can still be seen.
+    [[nodiscard]] HWY_INLINE bool sees(const Rect& box) const {
+        return !box.empty() && live.sees(box.x0, box.y0, box.x1, box.y1);
     }
 
     /// Calls touch(slice, rect) for what was added to, in pixels of the sheets.

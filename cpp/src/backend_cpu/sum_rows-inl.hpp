@@ -18,6 +18,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <type_traits>
+#include <utility>
 
 #include "backend_cpu/measured.hpp"
 #include "backend_cpu/tile_task.hpp"
@@ -100,54 +101,31 @@ template <class T>
 class RowSums {
   public:
     /// Adds to a plane of the tile's picture: `step` times what sheets would add up to. Takes room from `scratch`.
-    /// counted_from: what is subtracted from values.
-    RowSums(const PartProfile<T>& profile, const RowShape<T>& shape, double value_scale, double counted_from,
-            const TileShape& tile, T step, TileScratch<T>& scratch, T* plane)
+    RowSums(const PartProfile<T>& profile, const RowShape<T>& shape, const TileShape& tile, T step,
+            TileScratch<T>& scratch, T* plane)
         : profile_(profile), X_(shape.X), Y_(std::abs(shape.Y2)), per_slice_(std::abs(shape.ds)),
-          half_x_(1.0 / static_cast<double>(X_)), half_y_(1.0 / static_cast<double>(Y_)), value_scale_(value_scale),
-          counted_from_(counted_from), tile_(tile), step_(step), plane_(plane), stride_(margin + tile.stride + margin),
-          rows_(static_cast<int>(2.0 * half_y_) + 1), terms_(static_cast<int>(std::ceil(T(2) / per_slice_))) {
+          half_x_(1.0 / static_cast<double>(X_)), half_y_(1.0 / static_cast<double>(Y_)), tile_(tile), step_(step),
+          plane_(plane), stride_(margin + tile.stride + margin), rows_(static_cast<int>(2.0 * half_y_) + 1),
+          terms_(static_cast<int>(std::ceil(T(2) / per_slice_))) {
         scratch.sums.assign(static_cast<std::size_t>(stride_) * static_cast<std::size_t>(tile.height), T(0));
         sums_ = scratch.sums.data() + margin;
     }
 
-    /// Adds kernels place, place + step, ...: in pixels of the tile's sheets and slices.
-    template <class Value>
-    void add(const Value* values, const Vec3& place, const Vec3& step, std::uint32_t count) {
+    /// Adds the kernels of samples from `sample` on at place, place + step, ...: in pixels of the tile's sheets and
+    /// slices. kept: where clipping leaves only some slices of the kernels' pixels, else null.
+    void add(const SampleReader<T>& reader, const KeptOfPixels<T>* kept, std::size_t sample, const Vec3& place,
+             const Vec3& step, std::uint32_t count) {
         for (std::uint32_t i = 0; i < count; i += together) {
             const int number = static_cast<int>(std::min(together, count - i));
+            T values[together];
+            reader.read(sample + i, std::min(together, count - i), values);
             look_at(place, step, i, in_vectors(number));
-            const Value* own = values + i;
-            in_terms([&](auto terms) SHEETSPLAT_CPU_INLINE {
-                factors(terms, in_vectors(number));
-                for (int kernel = 0; kernel < number; ++kernel) {
-                    add_one(terms, kernel,
-                            static_cast<T>((static_cast<double>(own[kernel]) - counted_from_) * value_scale_));
-                }
-            });
-            for (int kernel = 0; kernel < number; ++kernel) {
-                sections_ += static_cast<std::uint64_t>(sections_of_[kernel]);
-            }
-            added_ += together;
-            if (added_ >= summed_together) {
-                flush();
-            }
-        }
-    }
-
-    /// The same where clipping leaves only some slices of the kernels' pixels.
-    template <class Value>
-    void add_cut(const KeptOfPixels<T>& kept, const Value* values, const Vec3& place, const Vec3& step,
-                 std::uint32_t count) {
-        for (std::uint32_t i = 0; i < count; i += together) {
-            const int number = static_cast<int>(std::min(together, count - i));
-            look_at(place, step, i, in_vectors(number));
-            const Value* own = values + i;
-            in_terms([&](auto terms) SHEETSPLAT_CPU_INLINE {
-                cut_factors(terms, in_vectors(number), place.z, step.z, i);
-                for (int kernel = 0; kernel < number; ++kernel) {
-                    add_one_cut(terms, kept, kernel,
-                                static_cast<T>((static_cast<double>(own[kernel]) - counted_from_) * value_scale_));
+            in_terms([&](auto terms) {
+                if (kept == nullptr) {
+                    add_whole(terms, values, number);
+                } else {
+                    cut_factors(terms, in_vectors(number), place.z, step.z, i);
+                    add_cut(terms, *kept, values, number);
                 }
             });
             for (int kernel = 0; kernel < number; ++kernel) {
@@ -214,17 +192,14 @@ class RowSums {
         const hn::CappedTag<double, 8> d;
         const hn::Rebind<std::int32_t, decltype(d)> d_whole;
         using V = hn::Vec<decltype(d)>;
-        const auto all = [&](double number) SHEETSPLAT_CPU_INLINE { return hn::Set(d, number); };
+        const auto all = [&](double number) { return hn::Set(d, number); };
         const V half_x = all(half_x_), half_y = all(half_y_), slices = all(1.0 / static_cast<double>(per_slice_));
         const V one = all(1.0);
         for (int kernel = 0; kernel < kernels; kernel += static_cast<int>(hn::Lanes(d))) {
             const V along = hn::Iota(d, static_cast<double>(i) + kernel);
-            const auto at = [&](double first, double more)
-                                SHEETSPLAT_CPU_INLINE { return hn::MulAdd(along, all(more), all(first)); };
-            const auto on_screen = [&](V pixel) SHEETSPLAT_CPU_INLINE {
-                return hn::Min(hn::Max(pixel, all(-outside)), all(outside));
-            };
-            const auto store = [&](V number, T* to) SHEETSPLAT_CPU_INLINE {
+            const auto at = [&](double first, double more) { return hn::MulAdd(along, all(more), all(first)); };
+            const auto on_screen = [&](V pixel) { return hn::Min(hn::Max(pixel, all(-outside)), all(outside)); };
+            const auto store = [&](V number, T* to) {
                 if constexpr (sizeof(T) == sizeof(double)) {
                     hn::Store(number, d, to + kernel);
                 } else {
@@ -232,7 +207,7 @@ class RowSums {
                               to + kernel);
                 }
             };
-            const auto store_whole = [&](V number, std::int32_t* to) SHEETSPLAT_CPU_INLINE {
+            const auto store_whole = [&](V number, std::int32_t* to) {
                 hn::Store(hn::DemoteTo(d_whole, number), d_whole, to + kernel);
             };
             const V x = on_screen(at(place.x, step.x)), y = on_screen(at(place.y, step.y)), z = at(place.z, step.z);
@@ -279,6 +254,20 @@ class RowSums {
     }
 
     template <class Terms>
+    HWY_NOINLINE void add_whole(Terms terms, const T* values, int number) {
+        factors(terms, in_vectors(number));
+        for (int kernel = 0; kernel < number; ++kernel) {
+            add_one(terms, kernel, values[kernel]);
+        }
+    }
+    template <class Terms>
+    HWY_NOINLINE void add_cut(Terms terms, const KeptOfPixels<T>& kept, const T* values, int number) {
+        for (int kernel = 0; kernel < number; ++kernel) {
+            add_one_cut(terms, kept, kernel, values[kernel]);
+        }
+    }
+
+    template <class Terms>
     HWY_INLINE void add_one(Terms terms, int kernel, T value_t) {
         const hn::CappedTag<T, TileShape::padding> d;
         const int lanes = static_cast<int>(hn::Lanes(d));
@@ -308,7 +297,7 @@ class RowSums {
     /// The first slice in each kernel's support, and the Gaussians along depth on the slices from there on and down its
     /// rows. z: of kernel 0's centre, in slices; step_z: from kernel to kernel.
     template <class Terms>
-    HWY_INLINE void cut_factors(Terms terms, int kernels, double z, double step_z, std::uint32_t i) {
+    HWY_NOINLINE void cut_factors(Terms terms, int kernels, double z, double step_z, std::uint32_t i) {
         const double reach = 1.0 / static_cast<double>(per_slice_);
         for (int kernel = 0; kernel < kernels; ++kernel) {
             const double centre = z + static_cast<double>(i + static_cast<std::uint32_t>(kernel)) * step_z;
@@ -321,8 +310,7 @@ class RowSums {
         const hn::CappedTag<T, together> d;
         const int lanes = static_cast<int>(hn::Lanes(d));
         const auto minus_k = hn::Set(d, -profile_.falloff_log2);
-        const auto bell = [&](auto q)
-                              SHEETSPLAT_CPU_INLINE { return exp2_nonpositive(d, hn::Mul(minus_k, hn::Mul(q, q))); };
+        const auto bell = [&](auto q) { return exp2_nonpositive(d, hn::Mul(minus_k, hn::Mul(q, q))); };
         for (int kernel = 0; kernel < kernels; kernel += lanes) {
             for (int term = 0; term < terms; ++term) {
                 T* along = depth_ + term * static_cast<int>(together) + kernel;
@@ -370,7 +358,7 @@ class RowSums {
 
     const PartProfile<T>& profile_;
     const T X_, Y_, per_slice_; ///< of the unit sphere, per pixel and slice
-    const double half_x_, half_y_, value_scale_, counted_from_;
+    const double half_x_, half_y_;
     const TileShape& tile_;
     const T step_;
     T* const plane_;
@@ -386,6 +374,27 @@ class RowSums {
     HWY_ALIGN T depth_[most_factors * together];   ///< [term][kernel]
     HWY_ALIGN T factors_[most_factors * together]; ///< [row][term][kernel]
 };
+
+/// Adds the kernels of a lattice to a plane of the tile's picture; kept: where clipping takes slices away. Returns how
+/// many sections that were.
+template <class T>
+std::uint64_t sum_lattice(const LoopSetup<T>& setup, const PartProfile<T>& profile, const RowShape<T>& shape,
+                          RowFeed<T>& feed, const KeptOfPixels<T>* kept, const TileShape& tile, TileScratch<T>& scratch,
+                          T* plane) {
+    RowSums<T> sums(profile, shape, tile, setup.shading->scalar_step, scratch, plane);
+    const Vec3 step = feed.step_of_places();
+    const auto cuts = feed.row_cuts(setup.shading->kept);
+    feed.for_each_stretch([&](std::size_t sample, const Vec3& eye, std::uint32_t count) {
+        const Vec3 place = feed.place_of(eye);
+        const auto from = [&](std::uint32_t i) { return place + static_cast<double>(i) * step; };
+        const auto [begin, end] = kept == nullptr ? std::pair(0U, count) : feed.wholly_kept(cuts, eye, count);
+        sums.add(feed.reader(), kept, sample, place, step, begin);
+        sums.add(feed.reader(), nullptr, sample + begin, from(begin), step, end - begin);
+        sums.add(feed.reader(), kept, sample + end, from(end), step, count - end);
+    });
+    sums.flush();
+    return sums.sections();
+}
 
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();

@@ -14,6 +14,7 @@
 
 #include <glm/vec2.hpp>
 
+#include "backend_cpu/measured.hpp"
 #include "backend_cpu/tile.hpp"
 
 namespace sheetsplat::backend_cpu {
@@ -79,9 +80,11 @@ struct TileKernels {
     /// the depth of its centre, and not less than that for centres at least twice as far away as it is deep. 0: not
     /// known.
     T reach_x = 0, reach_y = 0;
-    std::int32_t last_slice = -1; ///< of the view
-    // Room for the sort.
-    std::vector<Section<T>> unsorted;
+    std::int32_t last_slice = -1;                       ///< of the view
+    std::vector<std::uint32_t> waiting[covered_slices]; ///< numbers of those to be drawn again, by slice
+    // Room for those that are drawn on one slice, for what one batch of slices leaves to the next, and for the sort.
+    std::vector<std::uint32_t> drawn_now;
+    std::vector<Section<T>> carried, unsorted;
     std::vector<SectionExtra<T>> unsorted_extras;
     std::vector<RowShape<T>> unsorted_shapes;
     std::vector<std::uint32_t> places;
@@ -103,10 +106,10 @@ struct TileKernels {
     /// Moves what is unsorted to its place in the order of first slices; equal ones keep their order.
     void sort();
     [[nodiscard]] std::size_t bytes() const {
-        return (sections.capacity() + unsorted.capacity()) * sizeof(Section<T>) +
+        return (sections.capacity() + carried.capacity() + unsorted.capacity()) * sizeof(Section<T>) +
                (extras.capacity() + unsorted_extras.capacity()) * sizeof(SectionExtra<T>) +
                (shapes.capacity() + unsorted_shapes.capacity()) * sizeof(RowShape<T>) +
-               places.capacity() * sizeof(std::uint32_t) + rows.bytes();
+               (places.capacity() + drawn_now.capacity()) * sizeof(std::uint32_t) + rows.bytes();
     }
 };
 

@@ -133,21 +133,15 @@ struct TileScratch {
     LineVector<T> picture;               ///< planes
     std::vector<int> row_alive;
     std::vector<std::uint64_t> alive_rows; ///< a bit for each pixel of a row of the sheets that is still read
-    struct Again {
-        std::uint32_t part, section;
-    };
-    std::vector<Again> again[covered_slices]; ///< to be drawn again, by slice
-    std::vector<Section<T>> carried;          ///< room for those of them that one batch leaves to the next
     TilePicture<T> planes;
     // Counts of one frame.
     std::uint64_t sections_drawn = 0; ///< kernel times slice
     std::uint64_t kernels_drawn = 0;
 
     [[nodiscard]] std::size_t bytes() const {
-        std::size_t sum = carried.capacity() * sizeof(Section<T>) +
-                          (ring.capacity() + zeros.capacity() + ones.capacity() + reached.capacity() + sums.capacity() +
+        std::size_t sum = (ring.capacity() + zeros.capacity() + ones.capacity() + reached.capacity() + sums.capacity() +
                            first_kept.capacity() + last_kept.capacity() + picture.capacity()) *
-                              sizeof(T);
+                          sizeof(T);
         for (const auto& part : kernels) {
             sum += part.bytes();
         }

@@ -17,9 +17,13 @@ namespace sheetsplat::bindings {
 namespace {
 
 const std::map<std::string, Sampling> samplings{{"point", Sampling::point}, {"slab", Sampling::slab}};
-const std::map<std::string, Mode> modes{{"composite", Mode::composite}, {"isosurface", Mode::isosurface},
-                                        {"xray", Mode::xray},           {"mip", Mode::mip},
-                                        {"minimum", Mode::minimum},     {"average", Mode::average}};
+const std::map<std::string, Mode> modes = [] {
+    std::map<std::string, Mode> all;
+    for (const ModeTraits& mode : mode_table) {
+        all.emplace(mode.name, mode.mode);
+    }
+    return all;
+}();
 const std::map<std::string, Filter> filters{{"none", Filter::none}, {"ewa", Filter::ewa}};
 const std::map<std::string, Gradient> gradients{{"sheets", Gradient::sheets}, {"analytic", Gradient::analytic}};
 const std::map<std::string, LightSpace> light_spaces{{"eye", LightSpace::eye}, {"world", LightSpace::world}};
@@ -132,9 +136,26 @@ Scene with_part(const Scene& scene, const std::pair<Triple, Triple>& cell, const
     return made;
 }
 
+const char* name_of(Fold fold) {
+    constexpr std::array names{"opacities", "surfaces", "sum", "largest", "smallest"};
+    return names[static_cast<std::size_t>(fold)];
+}
+
+py::list mode_traits() {
+    py::list all;
+    for (const ModeTraits& mode : mode_table) {
+        all.append(py::dict(py::arg("name") = mode.name, py::arg("fold") = name_of(mode.fold),
+                            py::arg("counts") = mode.counts, py::arg("mean") = mode.mean,
+                            py::arg("integrates") = mode.integrates, py::arg("of_values") = mode.of_values,
+                            py::arg("label") = mode.label, py::arg("meaning") = mode.meaning));
+    }
+    return all;
+}
+
 } // namespace
 
 void register_scene(py::module_& module) {
+    module.def("mode_traits", &mode_traits);
     py::class_<Light>(module, "Light")
         .def(py::init(&make_light), py::kw_only(), py::arg("direction"), py::arg("color"), py::arg("space"));
     py::class_<Material>(module, "Material")

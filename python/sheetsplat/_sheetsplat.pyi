@@ -262,6 +262,9 @@ class RenderPlan:
     @property
     def error_budget(self) -> list[tuple[str, float]]: ...
 
+def mode_traits() -> list[dict[str, Any]]:
+    """Every mode: the fields of `sheetsplat.modes.ModeTraits`."""
+
 def known_effects() -> list[tuple[str, str, str, list[str], list[str]]]:
     """All effects: name, meaning, what decides it (or ""), backends that list it, and that can force it."""
 

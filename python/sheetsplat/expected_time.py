@@ -14,6 +14,7 @@ from sheetsplat.camera import Camera
 from sheetsplat.errors import Words, option_ref
 from sheetsplat.fields import EllipsoidField, Field, RegularField, joined_bounds
 from sheetsplat.look.visible import camera_axes, depths_of
+from sheetsplat.modes import TRAITS
 from sheetsplat.notices import warn
 from sheetsplat.quality.slicing import depth_extent
 from sheetsplat.scene import Scene
@@ -215,14 +216,14 @@ def _share(field: Field, scene: Scene, function: TransferFunction, screen: _Scre
     low, high = np.asarray(field.centre_bounds)
     shares = np.hstack(places[::-1]) / np.maximum(np.asarray(shape[::-1]) - 1, 1)
     seen = screen.shows(low + shares * (high - low))
-    if scene.mode not in ("composite", "isosurface"):
+    if TRAITS[scene.mode].is_scalar:
         return float(seen.mean())
     reach = np.indices((5, 5, 5)).reshape(3, -1) - 2
     near = tuple(np.clip(place + step, 0, n - 1) for place, step, n in zip(places, reach, shape, strict=True))
     around = field.values[near].astype(np.float64)
     # Nothing is known of a sum but that it lies between its values and the base.
     least, most = np.fmin(around.min(axis=1), field.base), np.fmax(around.max(axis=1), field.base)
-    if scene.mode == "composite":
+    if TRAITS[scene.mode].is_composited:
         points = function.points
         opaque = (points[:, 0] >= least[:, None]) & (points[:, 0] <= most[:, None]) & (points[:, 4] > 0.0)
         ends = function.at(np.stack([least, most], axis=1))[..., 3] > 0.0

@@ -242,7 +242,7 @@ class Scene:
 
     @property
     def mode(self) -> str:
-        """One of "composite", "isosurface", "xray", "mip", "minimum" and "average"."""
+        """How slices are combined into pixels: the option `mode`."""
         found: str = self._options["mode"]
         return found
 

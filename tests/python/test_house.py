@@ -11,6 +11,8 @@ from pathlib import Path
 import pytest
 
 import sheetsplat as ss
+from sheetsplat.modes import TRAITS
+from sheetsplat.options.core import MODES
 
 ROOT = Path(ss.__file__).parent
 CLONE = Path(__file__).parents[2]
@@ -263,3 +265,36 @@ def test_the_check_of_measured_constants_can_fail():
     assert missing_tests(thing, comment) == ["Plan.NoSuchTest"] and named_tests(none) == []
     assert missing_tests("largest_thing", "tests: GlRefuses.Beyond/<name>") == ["GlRefuses.Beyond/thing"]
     assert missing_tests("", "Test: test_no_such_thing.") == ["test_no_such_thing"]
+
+
+# Names of modes and backends in comparisons, which would have to be found again for each new one: files ask for traits.
+COMPARED = {
+    "*.py": r"(?:==|!=|\bin) \(?\"(?:{names})\"",
+    "*.[ch]pp": r"(?:==|!=) (?:ss::)?(?:Mode|Backend)::(?:{names})\b",
+}
+
+
+def compared_names(folder: Path, names: str) -> list[str]:
+    """Return the lines of a folder that compare something with one of some names, "a|b"."""
+    found = []
+    for pattern, comparison in COMPARED.items():
+        is_compared = re.compile(comparison.format(names=names))
+        for path in sorted(folder.rglob(pattern)):
+            lines = path.read_text(encoding="utf-8").splitlines()
+            found += [f"{path.name}:{n}: {line.strip()}" for n, line in enumerate(lines, 1) if is_compared.search(line)]
+    return found
+
+
+@pytest.mark.parametrize("folder", ["python/sheetsplat", "python/bindings", "cpp/src", "cpp/apps"])
+def test_nothing_is_decided_by_the_name_of_a_mode(folder):
+    assert compared_names(CLONE / folder, "|".join(TRAITS)) == []
+
+
+def test_the_search_for_compared_names_can_fail(tmp_path):
+    (tmp_path / "one.py").write_text('sums = mode in ("xray", "average")\n')
+    (tmp_path / "two.cpp").write_text("if (plan.mode == Mode::mip) {\n")
+    assert len(compared_names(tmp_path, "xray|mip")) == 2
+
+
+def test_the_names_of_modes_are_those_of_the_engine():
+    assert tuple(TRAITS) == MODES

@@ -9,6 +9,7 @@
 
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/field.hpp"
+#include "sheetsplat/mode_table.hpp"
 #include "sheetsplat/transfer_function.hpp"
 #include "sheetsplat/types.hpp"
 
@@ -18,8 +19,6 @@ enum class Sampling {
     point, ///< a slice holds the field at its depth ([NM06])
     slab,  ///< a slice holds the mean over its slab along the pixel's ray ([NM05])
 };
-
-enum class Mode { composite, isosurface, xray, mip, minimum, average };
 
 enum class LightSpace { eye, world };
 

@@ -42,7 +42,7 @@ HWY_NOINLINE void find_gradients(const Slab<T>& slab, EffectRow<T>& row, const G
             const auto back = of(1);
             const auto front = against;
             against = mix(d, front, back, hn::Load(d, row.share + number));
-            if (slab.shading.mode == Mode::isosurface) {
+            if (shows_surfaces(slab.shading.mode)) {
                 doubt = hn::Add(doubt, moved_gradient(d, slab, front, back, against, scale.weakest, x, row.y, seen));
             }
         }

@@ -36,7 +36,7 @@ template <class T>
 HWY_NOINLINE void shade_groups(const Slab<T>& slab) {
     by_projection(slab.shading, [&](auto perspective) {
         constexpr bool in_perspective = decltype(perspective)::value;
-        if (slab.shading.mode == Mode::isosurface) {
+        if (shows_surfaces(slab.shading.mode)) {
             find_all_crossings<in_perspective>(slab);
         } else {
             mix_groups<in_perspective>(slab);
@@ -50,7 +50,7 @@ HWY_NOINLINE void shade_with_effects(const Slab<T>& slab) {
     const Shading<T>& shading = slab.shading;
     by_projection(shading, [&](auto perspective) {
         constexpr bool in_perspective = decltype(perspective)::value;
-        if (shading.mode == Mode::isosurface) {
+        if (shows_surfaces(shading.mode)) {
             go_through_effects<Crossings, in_perspective>(slab);
         } else if (shading.second_order) {
             go_through_effects<SecondOrder, in_perspective>(slab);
@@ -69,7 +69,7 @@ HWY_INLINE void shade_without_effects(const Slab<T>& slab) {
     const Shading<T>& shading = slab.shading;
     by_projection(shading, [&](auto perspective) {
         constexpr bool in_perspective = decltype(perspective)::value;
-        if (shading.mode == Mode::isosurface) {
+        if (shows_surfaces(shading.mode)) {
             find_crossings<in_perspective>(slab);
         } else if (shading.preintegration) {
             add_intervals<in_perspective>(slab);
@@ -107,11 +107,11 @@ HWY_INLINE void shade_slab(const Shading<T>& shading, const TileShape& shape, co
     }
     if (is_scalar(shading.mode) && groups > 1) {
         sum_groups(slab);
-    } else if (shading.mode == Mode::xray) {
+    } else if (traits_of(shading.mode).integrates) {
         add(slab, window.rho[1], shading.scalar_step, picture.scalar, false);
-    } else if (shading.mode == Mode::mip || shading.mode == Mode::minimum) {
+    } else if (is_extreme(shading.mode)) {
         cuts ? find_extreme<true>(slab) : find_extreme<false>(slab);
-    } else if (shading.mode == Mode::average) {
+    } else if (traits_of(shading.mode).mean) {
         cuts ? add_counted<true>(slab) : add_counted<false>(slab);
     } else if (groups > 1 || shading.several_surfaces) {
         shade_groups(slab);

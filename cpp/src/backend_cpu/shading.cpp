@@ -20,7 +20,7 @@ template <class T>
 GroupShading<T> group_of(const TransferFunction& function, const ShadingInputs::OfGroup& inputs, const DrawPlan& plan,
                          double value_unit) {
     GroupShading<T> group;
-    if (plan.mode == Mode::composite) {
+    if (is_composited(plan.mode)) {
         group.transfer = make_transfer_table<T>(function, value_unit);
         if (plan.preintegration) {
             group.ramps = make_ramp_table<T>(function, value_unit);
@@ -198,7 +198,7 @@ Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& f
     }
     // (All groups have the same surfaces, in colours of their own.)
     const std::vector<ShadingSurface<T>>& surfaces = shading.groups.front().surfaces;
-    const bool surface = plan.mode == Mode::isosurface;
+    const bool surface = shows_surfaces(plan.mode);
     shading.several_surfaces = surface && (groups.size() > 1 || surfaces.size() != 1 || !all_opaque(surfaces));
     // Of opaque isosurfaces every pixel that has one is opaque.
     shading.stop = surface && all_opaque(surfaces) ? T(0.5) : static_cast<T>(inputs.opacity_stop);

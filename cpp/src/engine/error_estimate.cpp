@@ -124,8 +124,7 @@ bool is_of_model(const ErrorShare& share) {
 double model_error(const std::vector<ErrorShare>& budget) { return expected(budget, true); }
 
 double richardson_share(const Scene& scene) {
-    const bool plain = scene.mode == Mode::xray || scene.mode == Mode::average ||
-                       (scene.mode == Mode::composite && !scene.preintegration);
+    const bool plain = adds_slices(scene.mode) || (is_composited(scene.mode) && !scene.preintegration);
     return plain ? plain_share : smooth_share;
 }
 

@@ -658,7 +658,7 @@ LightErrors LightErrorProbe::errors(const Request& request, const Prepared& prep
     const LightAtPoints light = light_at(request, prepared, volumes, absorption);
     // Where thin sheets of matter show, errors are at few pixels too.
     const ProbePixels probes =
-        probe_pixels(request.size, request.scene.mode == Mode::isosurface || shows_narrowly(request.scene));
+        probe_pixels(request.size, shows_surfaces(request.scene.mode) || shows_narrowly(request.scene));
     const View view(request, prepared, light, probes.points);
     const std::size_t most = probes.pixels.size();
     std::size_t every = probes.every_occlusion;

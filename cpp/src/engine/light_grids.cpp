@@ -13,6 +13,7 @@
 
 #include "backend_choice.hpp"
 #include "plan/limits_common.hpp"
+#include "scene/mode_rules.hpp"
 #include "view/surface_lines.hpp"
 
 namespace sheetsplat {
@@ -367,7 +368,7 @@ LightVolume whole_on(const LightGrid& grid, const Group* group, const Request& r
 
 bool shows_narrowly(const Scene& scene) {
     const std::vector<Group> groups = scene.groups();
-    return scene.mode == Mode::composite &&
+    return is_composited(scene.mode) &&
            std::any_of(groups.begin(), groups.end(), [&scene](const Group& group) { return is_narrow(scene, group); });
 }
 
@@ -399,7 +400,7 @@ LightPlan make_light_plan(const Request& request, const Prepared& prepared, cons
     const Frame& frame = prepared.frame;
     LightPlan light;
     light.slice_spacing = frame.slice_spacing;
-    light.surfaces = prepared.plan.mode == Mode::isosurface;
+    light.surfaces = shows_surfaces(prepared.plan.mode);
     const std::size_t volumes =
         light.surfaces ? scene.groups().size() : (prepared.plan.shadows ? scene.lights.size() : 0) + 2;
     const double elements = std::min(static_cast<double>(most_light_elements),

@@ -73,7 +73,7 @@ void leave_blank(const Request& request, const Prepared& prepared, Image& image)
     const std::size_t pixels =
         static_cast<std::size_t>(request.size.width) * static_cast<std::size_t>(request.size.height);
     if (is_scalar(request.scene.mode)) {
-        const float none = request.scene.mode == Mode::xray ? 0.0F : std::numeric_limits<float>::quiet_NaN();
+        const float none = counts_weighted_slices(request.scene.mode) ? std::numeric_limits<float>::quiet_NaN() : 0.0F;
         image.scalar.assign(pixels, none);
     } else {
         image.rgba.assign(4 * pixels, 0.0F);
@@ -355,7 +355,7 @@ Image Renderer::State::render(const Request& request, const Frame* drawn_like) {
         draw(request, prepared, drawn_like != nullptr ? *drawn_like : prepared.frame, image);
         image.size = request.size;
         add_bases(prepared.scene, request.scene, request.camera, image);
-        if (request.scene.part && (request.scene.mode == Mode::mip || request.scene.mode == Mode::minimum)) {
+        if (request.scene.part && is_extreme(request.scene.mode)) {
             // Whether any slice counts.
             image.counts.resize(image.scalar.size());
             std::transform(image.scalar.begin(), image.scalar.end(), image.counts.begin(),

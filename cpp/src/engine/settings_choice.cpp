@@ -184,7 +184,7 @@ const Chosen* Renderer::State::choose(const Request& request) {
         }
     }
     const double pixels = static_cast<double>(request.size.width) * static_cast<double>(request.size.height);
-    const bool surface = request.scene.mode == Mode::isosurface;
+    const bool surface = shows_surfaces(request.scene.mode);
     const double wanted = surface ? surface_pilot_pixels : pilot_pixels;
     const int larger = static_cast<int>(std::sqrt(std::max(1.0, pixels / wanted)));
     Settings start = settings_of(request.scene);

@@ -111,7 +111,7 @@ std::string why_float32(const Scene& scene, const ViewFacts& view, const Capabil
     if (!capabilities.float16_blend_rounds) {
         return "this device cuts off sums in 16 bits";
     }
-    if (plan.mode != Mode::composite || plan.coverage) {
+    if (!is_composited(plan.mode) || plan.coverage) {
         return "the values themselves are shown, which 16 bits would round";
     }
     if (plan.gradient) {
@@ -210,7 +210,7 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
         }
     }
     const double reach = std::max(largest, half_range * resolved);
-    if (plan.mode == Mode::isosurface && reach > farthest_surface * nearest_end) {
+    if (shows_surfaces(plan.mode) && reach > farthest_surface * nearest_end) {
         refuse_sheets("an iso value that is " + number(nearest_end) + " from the end of values of up to " +
                           number(reach),
                       "at least " + number(reach / farthest_surface), Words());
@@ -220,7 +220,7 @@ void check_precision(const Scene& scene, const ViewFacts& view, const RendererOp
                       "at most " + number(std::floor(most_alike_unlit / std::max(1.0, ratio))),
                       "make one kernel of them");
     }
-    const double measure = plan.mode == Mode::xray ? view.frame.slice_spacing : 1.0;
+    const double measure = traits_of(plan.mode).integrates ? view.frame.slice_spacing : 1.0;
     const double seen = is_scalar(plan.mode) ? std::max(1.0, measure * view.slabs.ellipsoids.peak) : resolved;
     if (plan.sampling == Sampling::slab && !plan.filter &&
         measure * view.slabs.ellipsoids.loss / seen * std::min(steepness, 4.0) > thick_slab) {
@@ -263,7 +263,7 @@ void check_parts(const Scene& scene, const DrawPlan& plan) {
         refuse_scene(std::to_string(groups) + " transfer functions", "at most " + std::to_string(most_groups),
                      "give more fields one transfer function");
     }
-    const std::size_t surfaces = scene.mode == Mode::isosurface ? groups * scene.iso_values.size() : 0;
+    const std::size_t surfaces = shows_surfaces(scene.mode) ? groups * scene.iso_values.size() : 0;
     if (surfaces > most_surfaces) {
         refuse_scene(std::to_string(surfaces) + " surfaces: iso values times transfer functions",
                      "at most " + std::to_string(most_surfaces), "use fewer iso values");

@@ -42,7 +42,7 @@ double steepest_falloff(const Scene& scene) {
 }
 
 bool saturates_within(const Scene& scene, const ViewFacts& view, std::int64_t slices, double opacity) {
-    if (scene.mode == Mode::isosurface || opacity >= 1.0) {
+    if (shows_surfaces(scene.mode) || opacity >= 1.0) {
         return true;
     }
     const double exponent = view.frame.slice_spacing / view.frame.reference_length * view.frame.largest_slant;
@@ -69,7 +69,7 @@ SceneShows shown_of(const Scene& scene, const ViewFacts& view) {
     if (is_scalar(scene.mode)) {
         return shows;
     }
-    const bool surface = scene.mode == Mode::isosurface;
+    const bool surface = shows_surfaces(scene.mode);
     std::string ranges;
     shows.opacity = 0.0;
     std::size_t group_number = 0;
@@ -190,7 +190,7 @@ void plan_light(const Scene& scene, const ViewFacts& view, Backend backend, cons
                              : !shining             ? "all lights are black"
                              : !matt && !shiny      ? "the material reflects ambient light only"
                                                     : "";
-    const bool composite = scene.mode == Mode::composite;
+    const bool composite = is_composited(scene.mode);
     const bool faded = scene.gradient_opacity && composite;
     plan.gradient_opacity = effects.decide_given(EffectId::gradient_opacity, faded, faded && shows.anything,
                                                  !scene.gradient_opacity ? "not asked for"
@@ -350,23 +350,23 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     // Classification and what it needs.
     effects.state(EffectId::classification, !scalar,
                   scalar ? "the mode shows the scalar itself" : "the mode shows colours");
-    effects.state(EffectId::isosurface, scene.mode == Mode::isosurface, "the mode shows crossings of iso values",
+    effects.state(EffectId::isosurface, shows_surfaces(scene.mode), "the mode shows crossings of iso values",
                   "the mode is not isosurface");
     state_fields(scene, effects);
-    const bool visible_at_zero = scene.mode == Mode::composite && !(scene.counted && scene.counted->filled) &&
+    const bool visible_at_zero = is_composited(scene.mode) && !(scene.counted && scene.counted->filled) &&
                                  std::any_of(groups.begin(), groups.end(), [](const Group& group) {
                                      return !group.transfer_function->transparent_over(0.0, 0.0);
                                  });
     plan.threshold = threshold;
-    plan.open_front = scene.mode == Mode::isosurface && view.frame.cut_by_near;
+    plan.open_front = shows_surfaces(scene.mode) && view.frame.cut_by_near;
     plan.coverage = outputs.coverage;
     plan.depth = outputs.depth && !scalar;
     plan.owned = scene.part && scene.part->cuts();
-    plan.counts = scene.mode == Mode::average && (scene.part || (scene.counted && scene.counted->counts));
-    const bool thin = scene.mode == Mode::composite && std::any_of(scene.fields.begin(), scene.fields.end(),
-                                                                   [](const std::shared_ptr<const Field>& field) {
-                                                                       return field->least_weight() > 0.0;
-                                                                   });
+    plan.counts = traits_of(scene.mode).mean && (scene.part || (scene.counted && scene.counted->counts));
+    const bool thin = is_composited(scene.mode) && std::any_of(scene.fields.begin(), scene.fields.end(),
+                                                               [](const std::shared_ptr<const Field>& field) {
+                                                                   return field->least_weight() > 0.0;
+                                                               });
     plan.empty_test =
         effects.decide(EffectId::empty_test, visible_at_zero || thin,
                        thin              ? "points beside missing samples, which too few kernels reach, are empty"
@@ -440,7 +440,7 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
 
     // Opacity.
     const double exponent = view.frame.slice_spacing / view.frame.reference_length;
-    const bool correction = scene.mode == Mode::composite && !scene.preintegration &&
+    const bool correction = is_composited(scene.mode) && !scene.preintegration &&
                             (exponent != 1.0 || (projection == Projection::perspective));
     plan.opacity_correction = effects.decide(EffectId::opacity_correction, correction,
                                              correction ? "slices are not one reference length apart along every ray"
@@ -461,8 +461,8 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
         !scalar && shows.anything &&
         ((scene.part && scene.part->in_front) || saturates_within(scene, view, view.frame.slices + 1, shows.opacity));
     const bool opaque_surfaces =
-        scene.mode == Mode::isosurface && std::all_of(scene.iso_values.begin(), scene.iso_values.end(),
-                                                      [](const IsoValue& iso) { return iso.opacity == 1.0; });
+        shows_surfaces(scene.mode) && std::all_of(scene.iso_values.begin(), scene.iso_values.end(),
+                                                  [](const IsoValue& iso) { return iso.opacity == 1.0; });
     const bool stops = saturates && (scene.opacity_stop < 1.0 || opaque_surfaces);
     plan.stop = effects.decide(EffectId::opacity_stop, stops && !opaque_surfaces,
                                scalar            ? "the mode has no opacity"

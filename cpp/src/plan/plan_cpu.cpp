@@ -58,7 +58,7 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
     if (view.kernels.all == 0 || view.frame.slices == 0) {
         return "";
     }
-    if (plan.mode == Mode::composite && view.frame.slices > most_plain_slices) {
+    if (is_composited(plan.mode) && view.frame.slices > most_plain_slices) {
         return std::to_string(view.frame.slices) + " slices would make float32 sums drift";
     }
     if (view.shapes.largest_aspect > limits::largest_aspect) {
@@ -77,7 +77,7 @@ std::string why_float64(const Scene& scene, const ViewFacts& view, const DrawPla
         return "weights of up to " + number(sums.weight_range) +
                " times w0: where these are w0, the rounding of float32 means over slabs would show";
     }
-    if (plan.mode == Mode::isosurface && sums.largest > farthest_surface * sums.nearest_end) {
+    if (shows_surfaces(plan.mode) && sums.largest > farthest_surface * sums.nearest_end) {
         return "an iso value is " + number(sums.nearest_end) + " from the end of values of up to " +
                number(sums.largest) + ": float32 would lose where the surface is";
     }
@@ -175,7 +175,7 @@ double memory_of_light(const Scene& scene, const ViewFacts& view, const DrawPlan
     }
     // A grid that is not along the world's axes is larger.
     elements *= 2.0;
-    if (plan.mode == Mode::isosurface) {
+    if (shows_surfaces(plan.mode)) {
         // rho, on a grid of half the step.
         const double most = std::min(8.0 * elements, static_cast<double>(most_light_elements));
         return sizeof(float) * std::min(most * static_cast<double>(scene.later_groups.size() + 1),
@@ -222,8 +222,7 @@ SecondsOfExtremes seconds_of_extremes(const RegularField& field, const ViewFacts
 
 /// Modes mip and minimum by rays in place of sheets.
 void plan_extremes(const Scene& scene, const ViewFacts& view, Effects& effects, DrawPlan& plan) {
-    const std::string why_not = plan.mode != Mode::mip && plan.mode != Mode::minimum
-                                    ? "the mode is neither mip nor minimum"
+    const std::string why_not = !is_extreme(plan.mode)    ? "the mode is neither mip nor minimum"
                                 : scene.fields.size() > 1 ? "there are several fields"
                                 : !view.extremes          ? "rho has no bounds by blocks: they are those of "
                                                             "Cartesian lattices without a division by weights"
@@ -262,7 +261,7 @@ void plan_cpu(const Scene& scene, const ViewFacts& view, const RendererOptions& 
     plan.gradient = plan.lit || plan.gradient_opacity;
     plan.packing = Packing::wide;
     plan.tagging = Tagging::tiles;
-    const bool ends = plan.stop || plan.mode == Mode::isosurface;
+    const bool ends = plan.stop || shows_surfaces(plan.mode);
     effects.state(EffectId::elimination, ends, "rows, blocks and tiles whose pixels are all opaque are skipped",
                   "no pixel can become opaque enough to stop");
     effects.state(EffectId::opacity_buffer, false, "opaque blocks and tiles are skipped without a buffer");

@@ -50,7 +50,7 @@ void plan_sheets(const Scene& scene, const ViewFacts& view, const RendererOption
         const double differing = ratio_from_pivots(scene, plan, sums.resolved);
         const bool alike =
             sums.ratio > plain_lit_change * differing && (sums.crowd > plain_lit_crowd || differing > 0.0);
-        const double most = plan.mode == Mode::isosurface ? largest_plain_surface_ratio : largest_plain_lit_ratio;
+        const double most = shows_surfaces(plan.mode) ? largest_plain_surface_ratio : largest_plain_lit_ratio;
         return (sums.ratio > most && sums.ratio >= differing) || alike;
     };
     const bool far_off = lights_quotients(plan) && !plan.fine_gradient && !effects.forced_on(EffectId::paper_slicing) &&
@@ -93,8 +93,7 @@ void plan_skipping(const Scene& scene, const ViewFacts& view, const Outputs& out
     plan.culling = effects.decide(EffectId::culling, true, "kernels that cannot be seen are skipped");
     const bool possible = calls.stops && !outputs.coverage;
     // On a rasteriser in software depth tests cost more than they save, unless pixels become opaque within few slices.
-    const bool soon =
-        scene.mode == Mode::isosurface || saturates_within(scene, view, soon_opaque_slices, calls.opacity);
+    const bool soon = shows_surfaces(scene.mode) || saturates_within(scene, view, soon_opaque_slices, calls.opacity);
     const bool eliminate = possible && (!capabilities.software || soon);
     plan.elimination = effects.decide(EffectId::elimination, eliminate,
                                       !calls.stops       ? "no pixel can become opaque enough to stop"
@@ -250,7 +249,7 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
                                            : "plain float32 sums over these slices are accurate enough",
                                       true) &&
                        is_composited(scene.mode);
-    plan.read_image = plan.compensated || plan.stop || scene.mode == Mode::isosurface || is_scalar(scene.mode) ||
+    plan.read_image = plan.compensated || plan.stop || shows_surfaces(scene.mode) || is_scalar(scene.mode) ||
                       plan.depth || plan.coverage;
     check_parts(scene, plan);
     check_lights(scene, capabilities, plan);

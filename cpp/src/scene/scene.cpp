@@ -53,7 +53,7 @@ void require_length(const std::optional<double>& length, const char* option) {
 }
 
 void check_iso_values(const Scene& scene) {
-    require(scene.mode != Mode::isosurface || !scene.iso_values.empty(),
+    require(!shows_surfaces(scene.mode) || !scene.iso_values.empty(),
             option_ref("mode", "isosurface") + " needs a value", "no " + option_ref("iso_value"),
             "the value of the surface", "pass " + option_ref("iso_value", "..."));
     for (const IsoValue& iso : scene.iso_values) {
@@ -146,7 +146,7 @@ void check_effects(const Scene& scene) {
                 "a picture of colours, which " + composite + " and " + option_ref("mode", "isosurface") + " make",
                 "leave it out or use another mode");
     };
-    require(!scene.gradient_opacity || scene.mode == Mode::composite, together, opacity + in_mode,
+    require(!scene.gradient_opacity || is_composited(scene.mode), together, opacity + in_mode,
             option_ref("gradient_opacity") + " only in " + composite + ", where opacities count",
             "leave out " + option_ref("gradient_opacity") + " or use " + composite);
     need_colors(scene.depth_cue.has_value(), option_ref("depth_cue"));
@@ -164,7 +164,7 @@ void check_effects(const Scene& scene) {
     require(!scene.ambient_occlusion || !scene.gradient_opacity, together,
             option_ref("ambient_occlusion") + " with " + opacity,
             "one of them: ambient occlusion is computed without gradients", "leave one out");
-    require(!scene.preintegration || scene.mode == Mode::composite, together,
+    require(!scene.preintegration || is_composited(scene.mode), together,
             option_ref("preintegration", "true") + in_mode, option_ref("preintegration") + " only in " + composite,
             "leave out " + option_ref("preintegration") + " or use " + composite);
 }

@@ -17,6 +17,7 @@ from sheetsplat.accuracy.sweeps import enlarge, smaller
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Cancelled, InvalidInput, Unsupported, complain
 from sheetsplat.image import Image
+from sheetsplat.modes import TRAITS
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 
@@ -77,7 +78,7 @@ def _finest(scene: Scene, factor: int) -> Scene:
         "preintegration": False,
     }
     steps = any(np.any(np.diff(function.points[:, 0]) == 0.0) for function in scene.transfer_functions)
-    if scene.mode == "composite" and steps:
+    if TRAITS[scene.mode].is_composited and steps:
         # Steps of the transfer function are exact with pre-integration, and of first order without.
         changes["preintegration"] = True
     return scene.replace(**changes)

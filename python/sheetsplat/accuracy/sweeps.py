@@ -15,6 +15,7 @@ from sheetsplat.accuracy.knobs import BEST, CONVERGED, INTERPOLATED, Base, Setti
 from sheetsplat.choose.picture import scene_of_quality
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.picture import unused
 from sheetsplat.options.quality import QUALITIES
 from sheetsplat.transfer import TransferFunction
@@ -53,7 +54,7 @@ def _unused(option: str, base: Base) -> str:
 def _no_stop(base: Base) -> str:
     """Return why the opacity at which pixels are finished has no effect, or an empty text."""
     # An opaque surface finishes a pixel whatever the stop is.
-    opaque = base.scene.mode == "isosurface" and all(opacity == 1.0 for _, opacity in base.scene.surfaces)
+    opaque = TRAITS[base.scene.mode].shows_surfaces and all(opacity == 1.0 for _, opacity in base.scene.surfaces)
     return "not used in mode isosurface" if opaque else _unused("opacity_stop", base)
 
 

@@ -17,6 +17,7 @@ from sheetsplat.bricks.light_error import Measure
 from sheetsplat.bricks.partial import Finished, over_background
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.image import ErrorEstimate
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.core import checked
 from sheetsplat.options.renderer import Progress, RendererClassOptions
 from sheetsplat.plan import RenderPlan
@@ -118,9 +119,8 @@ def _of_pictures(
     finer, exact, whole = further
     known = np.zeros(0) if finer.scalar is None else finer.scalar[np.isfinite(finer.scalar)]
     largest = max(1.0, float(np.abs(known).max(initial=0.0)))
-    smooth = view.mode in ("mip", "minimum", "isosurface") or (
-        view.mode == "composite" and bool(view.options["preintegration"])
-    )
+    mode = TRAITS[view.mode]
+    smooth = bool(view.options["preintegration"]) if mode.is_composited else not mode.adds
     sliced = _squares(whole, finer, largest) / (_SMOOTH if smooth else _PLAIN) ** 2
     rounded = _squares(drawn, exact, largest)
     total = sliced + rounded

@@ -26,6 +26,7 @@ from sheetsplat.bricks.resident import renderer_of
 from sheetsplat.bricks.tasks import Tasks
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.fields import Bricked
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.renderer import Progress
 
 Floats = NDArray[np.float64]
@@ -72,7 +73,9 @@ class Probes:
     @classmethod
     def of(cls, view: BrickView, opacity: NDArray[np.float32]) -> Probes:
         """Return the pixels of a view whose picture, perhaps of fewer pixels, has some opacities."""
-        pixels, wanted, batch, every, points, reserve = probe_pixels(size=view.size, surfaces=view.mode == "isosurface")
+        pixels, wanted, batch, every, points, reserve = probe_pixels(
+            size=view.size, surfaces=TRAITS[view.mode].shows_surfaces
+        )
         samples = max(1, view.size[0] // opacity.shape[1])
         seen = opacity[pixels[:, 1] // samples, pixels[:, 0] // samples] > 0.0
         enough = int(np.searchsorted(np.cumsum(seen), wanted)) + 1

@@ -13,7 +13,7 @@ from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Fiel
 from sheetsplat.fields.samples import Samples, samples_of
 from sheetsplat.look.histogram import beyond_pictures, choose_for
 from sheetsplat.look.measure import with_values
-from sheetsplat.options.core import COLORED
+from sheetsplat.options.core import COLORED, MODES
 
 # Decades from the 1st to the 99.9th percentile of the kernels, or of the samples.
 _DECADES = 3.0
@@ -41,7 +41,7 @@ def in_decades(fields: Sequence[Field], look: Mapping[str, Any], log: object) ->
         The option of this name: only None asks.
     """
     same = list(fields)
-    mode = look.get("mode", "composite")
+    mode = look.get("mode", MODES[0])
     if log is not None or len(same) != 1 or not (isinstance(mode, str) and mode in COLORED):
         return same
     if _holds_pairs(look.get("opacity")) or any(look.get(name) is not None for name in _IN_VALUES):

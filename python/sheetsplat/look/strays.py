@@ -20,7 +20,7 @@ from sheetsplat.fields.samples import ArraySamples, Samples
 from sheetsplat.fields.trim import Trim
 from sheetsplat.look.histogram import usual_value, within_pictures
 from sheetsplat.notices import warn
-from sheetsplat.options.core import COLORED
+from sheetsplat.options.core import COLORED, MODES
 
 Floats = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ def without_strays(fields: Sequence[Field], look: Mapping[str, Any], *, framed: 
         Whether the camera is chosen by what is seen. One that is given may look at the strays.
     """
     shown = list(fields)
-    if look.get("mode", "composite") in COLORED and not any(look.get(name) is not None for name in _IN_VALUES):
+    if look.get("mode", MODES[0]) in COLORED and not any(look.get(name) is not None for name in _IN_VALUES):
         shown = [_within(one, look.get("clim")) for one in shown]
         if look.get("clim") is None:
             _warn_of_fading(shown)

@@ -21,8 +21,9 @@ from sheetsplat._checks import (
 from sheetsplat.effects import AmbientOcclusion, Clip, DepthCue
 from sheetsplat.errors import complain, unusable
 from sheetsplat.light import Light, Material
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.checks import instance_of, one_of, optional, or_default
-from sheetsplat.options.core import COLORED, COMPOSITE, SCALAR, CommandLine, Mode, Option
+from sheetsplat.options.core import COLORED, COMPOSITE, MODES, SCALAR, SURFACES, CommandLine, Mode, Option
 from sheetsplat.options.values import POSITIVE, Numbers, Real, Special, Whole
 from sheetsplat.scalar_colors import ScalarColors
 
@@ -167,9 +168,8 @@ class ModeOptions(TypedDict, total=False):
     mode: Annotated[
         Mode,
         Option(
-            "How slices are combined into pixels: composited colours, surfaces of equal value, or along the ray the "
-            "integral, the maximum, the minimum or the average of the scalar.",
-            default="composite",
+            "How slices are combined into pixels: " + ", ".join(one.meaning for one in TRAITS.values()) + ".",
+            default=MODES[0],
             check=one_of(Mode),
         ),
     ]
@@ -179,7 +179,7 @@ class ModeOptions(TypedDict, total=False):
             "Scalar of the isosurface; or pairs (value, opacity) of several surfaces, 1 being opaque.",
             chosen="the value at which the histogram separates objects from background",
             accepts="float, or pairs",
-            modes=("isosurface",),
+            modes=SURFACES,
             check=optional(iso_value_of),
             flag="--iso",
             value=Special.SURFACES,

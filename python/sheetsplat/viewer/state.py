@@ -229,7 +229,7 @@ class State:
     """
 
     camera: Camera
-    mode: str = "composite"
+    mode: str = MODES[0]
     quality: str = "good"
     choice: int = 0
     time: int = 0

@@ -417,11 +417,13 @@ void declare(CLI::App& app, Options& options) {
            "pixels, WIDTHxHEIGHT, WIDTH HEIGHT, or one number for both (400)")
         ->expected(1, 2);
     app.add_option("--background", options.background, "RED GREEN BLUE, 0 to 1 (transparent)");
-    app.add_option("--backend", options.backend, "auto | gl | cpu | reference")
-        ->transform(one_of<ss::Backend>({{"auto", ss::Backend::automatic},
-                                         {"gl", ss::Backend::gl},
-                                         {"cpu", ss::Backend::cpu},
-                                         {"reference", ss::Backend::reference}}));
+    std::vector<std::pair<std::string, ss::Backend>> backends{{"auto", ss::Backend::automatic}};
+    names = "auto";
+    for (const ss::BackendTraits& backend : ss::backend_table) {
+        backends.emplace_back(backend.name, backend.backend);
+        names += " | " + backends.back().first;
+    }
+    app.add_option("--backend", options.backend, names)->transform(one_of<ss::Backend>(std::move(backends)));
     app.add_option("--threads", options.threads, "of backend cpu; 0: as many as the process may run on (0)")
         ->check(CLI::NonNegativeNumber.description(""));
     app.add_option("--max-error", options.max_error,

@@ -151,12 +151,7 @@ void add_effects(const Scene& scene, const Camera& camera, const Frame& frame, c
     shading.analytic_gradient = plan.analytic_gradient && plan.gradient;
     shading.gradient_opacity = plan.gradient_opacity;
     shading.depth_cue = plan.depth_cue;
-    shading.cue_start = inputs.cue_start;
-    shading.cue_per_depth = inputs.cue_per_depth;
-    shading.cue_strength = static_cast<T>(inputs.cue_strength);
-    for (int c = 0; c < 3; ++c) {
-        shading.cue_color[c] = number<T>(inputs.cue_color[c]);
-    }
+    shading.inputs = inputs;
     const bool by_surfaces = volumes != nullptr && !volumes->groups.empty();
     if (by_surfaces) {
         shading.surface_light = surface_light_of<T>(scene, camera, frame, plan, *volumes);

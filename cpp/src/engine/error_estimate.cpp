@@ -130,7 +130,7 @@ double richardson_share(const Scene& scene) {
 
 RendererOptions exact_options(const RendererOptions& options) {
     RendererOptions exact;
-    exact.backend = Backend::cpu;
+    exact.backend = backend_that(Ability::exact);
     exact.precision = Precision::float64;
     exact.allow_inexact = true;
     exact.threads = options.threads;
@@ -225,7 +225,7 @@ ErrorEstimate Renderer::State::estimate_error(const Image& image, const Scene& s
     };
 
     // The reference sums light along each ray: against volumes its own pictures would seem to be wrong.
-    bool exact = image.plan->backend != Backend::reference || !(scene.shadows || scene.ambient_occlusion);
+    bool exact = !can(image.plan->backend, Ability::defines) || !(scene.shadows || scene.ambient_occlusion);
     Image finer;
     try {
         finer = draw(halved, exact);

@@ -247,7 +247,8 @@ const GridEntry& FieldIndex::grid_of(std::size_t number, const Scene& scene, con
         grids_.push_back(std::move(made));
         entry = grids_.back().get();
     }
-    if (plan.summary.backend == Backend::gl && !entry->starts && entry->kernels->size() <= most_start_cells) {
+    if (can(plan.summary.backend, Ability::start_cells) && !entry->starts &&
+        entry->kernels->size() <= most_start_cells) {
         entry->starts = std::make_unique<StartCells>(StartCells::of(*entry->kernels, entry->grid));
     }
     VisibilityQuery query = query_of(number, scene, plan, frame);

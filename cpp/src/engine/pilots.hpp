@@ -12,7 +12,7 @@ namespace sheetsplat {
 /// Draws pilots with a renderer's state, which must outlive it, as must the request.
 class Renderer::State::Pilots : public Judge {
   public:
-    /// What pilots show of a large picture where backend cpu draws them: other tiles for the search and for a check. By
+    /// What pilots show of a large picture where a backend draws tiles alone: others for the search and for a check. By
     /// the other backends, and of small pictures, they show all.
     enum class Part { whole, searched, checked };
 
@@ -37,6 +37,8 @@ class Renderer::State::Pilots : public Judge {
     [[nodiscard]] bool of_excerpts() const { return excerpt_.has_value(); }
 
   private:
+    /// The backend would take minutes; the exact one gives the same estimate.
+    [[nodiscard]] bool slow() const { return can(backend_, Ability::defines); }
     /// Root mean square difference of two pilots; of excerpts, with their standard error on top.
     [[nodiscard]] double distance(const Image& picture, const Image& reference) const;
     /// exact: in float64.

@@ -222,17 +222,19 @@ void Renderer::State::draw(const Request& asked, const Prepared& prepared, const
     Indexed indexed = find_drawn(asked, prepared, drawn_like);
     image.stats["seconds_index"] = seconds_since(indexing);
     if ((prepared.plan.shadows || prepared.plan.ambient_occlusion) && !prepared.plan.blank) {
-        indexed.volumes = request.scene.part ? light_of_part(*request.scene.part)
-                                             : light_.of(request, prepared, indexed, reach(), backends_.cpu(), image);
+        indexed.volumes = request.scene.part
+                              ? light_of_part(*request.scene.part)
+                              : light_.of(request, prepared, indexed, reach(), backends_.processor(), image);
     }
     if (prepared.plan.blank) {
         leave_blank(request, prepared, image);
-    } else if (prepared.plan.summary.backend == Backend::gl) {
-        std::vector<float> doubts;
-        draw_on_gl(backends_.gl(), request, prepared, indexed, image, doubts);
-        draw_doubtful(asked, prepared, doubts, image);
     } else {
-        draw_on_cpu(backends_.cpu(), request, prepared, indexed, image);
+        const Backend backend = prepared.plan.summary.backend;
+        std::vector<float> doubts;
+        backends_.painter(backend).draw(request, prepared, indexed, image, doubts);
+        if (!can(backend, Ability::exact)) {
+            draw_doubtful(asked, prepared, doubts, image);
+        }
     }
     if (request.scene.background && !request.scene.part && !is_scalar(request.scene.mode)) {
         put_background(image.rgba, *request.scene.background);
@@ -253,7 +255,7 @@ void Renderer::State::draw_doubtful(const Request& asked, const Prepared& prepar
         return;
     }
     RendererOptions options = asked.options;
-    options.backend = Backend::cpu;
+    options.backend = backend_that(Ability::exact);
     options.packing = Packing::automatic;
     options.tagging = Tagging::automatic;
     options.precision = Precision::automatic;
@@ -281,7 +283,7 @@ std::vector<LightPiece> Renderer::State::light_pieces(const Request& request, co
     const PollScope polling([&request] { report_progress(request.progress, 0.0); });
     const Prepared prepared = prepare(request);
     const Indexed indexed = find_drawn(request, prepared, prepared.frame);
-    return pieces_of(light, request.with(prepared.scene), prepared, indexed, backends_.cpu());
+    return pieces_of(light, request.with(prepared.scene), prepared, indexed, backends_.processor());
 }
 
 std::vector<LightSpot> Renderer::State::light_spots(const Request& request, const std::vector<std::size_t>& numbers) {
@@ -306,7 +308,7 @@ bool Renderer::State::measure_light(const Request& request, RenderPlan& plan, bo
         light_probe_ = LightErrorProbe();
     }
     // (Lines to lights pass kernels that a part does not have.)
-    if (plan.backend == Backend::reference || request.scene.part ||
+    if (can(plan.backend, Ability::defines) || request.scene.part ||
         std::none_of(plan.error_budget.begin(), plan.error_budget.end(), is_of_model)) {
         return false;
     }
@@ -326,7 +328,7 @@ bool Renderer::State::measure_light(const Request& request, RenderPlan& plan, bo
         try {
             Image image;
             const Indexed indexed = find_drawn(request, prepared, prepared.frame);
-            const LightVolumes volumes = light_.of(drawn, prepared, indexed, reach(), backends_.cpu(), image);
+            const LightVolumes volumes = light_.of(drawn, prepared, indexed, reach(), backends_.processor(), image);
             // Before the aggregate: where an element of one throws, GCC 12 destroys nested aggregates before it twice.
             LightErrors errors = light_probe_.errors(drawn, prepared, volumes, light_.absorption());
             measured_ = std::make_unique<MeasuredLight>(
@@ -349,8 +351,9 @@ Image Renderer::State::render(const Request& request, const Frame* drawn_like) {
     Image image;
     image.stats["seconds_plan"] = seconds_since(started);
     const auto drawing = Clock::now();
-    if (backend == Backend::reference) {
-        draw_on_reference(request, image);
+    if (can(backend, Ability::defines)) {
+        std::vector<float> no_doubts;
+        backends_.painter(backend).draw(request, prepared, {}, image, no_doubts);
     } else {
         draw(request, prepared, drawn_like != nullptr ? *drawn_like : prepared.frame, image);
         image.size = request.size;

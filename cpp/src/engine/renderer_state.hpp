@@ -60,7 +60,7 @@ struct Renderer::State {
     [[nodiscard]] std::vector<std::shared_ptr<const Field>> kept_fields(const Scene& asked);
     Indexed find_drawn(const Request& asked, const Prepared& prepared, const Frame& drawn_like);
     void draw(const Request& asked, const Prepared& prepared, const Frame& drawn_like, Image& image);
-    /// Draws tiles of backend gl whose light shows rounding again, on the processor. doubts: a pixel each.
+    /// Draws tiles whose light shows rounding again, on the exact backend. doubts: a pixel each.
     void draw_doubtful(const Request& asked, const Prepared& prepared, const std::vector<float>& doubts, Image& image);
 
     const RendererOptions options_;

@@ -193,8 +193,9 @@ const Chosen* Renderer::State::choose(const Request& request) {
     const bool large = !surface && pixels >= excerpted * pilot_pixels;
     Pilots pilots(*this, request, start, larger, large ? Pilots::Part::searched : Pilots::Part::whole);
     const std::vector<Backend> backends = backends_.candidates(options_.backend);
-    const bool may_be_float64 = options_.precision == Precision::automatic &&
-                                std::find(backends.begin(), backends.end(), Backend::cpu) != backends.end();
+    const bool may_be_float64 =
+        options_.precision == Precision::automatic &&
+        std::find(backends.begin(), backends.end(), backend_that(Ability::exact)) != backends.end();
     if (options_.max_error && may_be_float64 && pilots.arithmetic() > arithmetic_share * *options_.max_error) {
         start.precision = Precision::float64;
     }

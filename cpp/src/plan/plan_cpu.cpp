@@ -250,8 +250,8 @@ void plan_extremes(const Scene& scene, const ViewFacts& view, Effects& effects, 
 
 } // namespace
 
-void plan_cpu(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
-              Effects& effects, DrawPlan& plan) {
+void plan_cpu(const PlanInputs& inputs, Effects& effects, DrawPlan& plan) {
+    const auto& [scene, view, options, outputs, capabilities, calls] = inputs;
     refuse_ways_of_gl(options);
     divide_apart(scene, outputs, effects, plan);
     plan.culling = effects.decide(EffectId::culling, true, "kernels that cannot be seen are skipped");

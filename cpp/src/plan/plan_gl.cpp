@@ -229,8 +229,9 @@ std::uint64_t memory_of(const Scene& scene, const ViewFacts& view, const DrawPla
 
 } // namespace
 
-void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
-             const Capabilities& capabilities, const SceneCalls& calls, Effects& effects, DrawPlan& plan) {
+void plan_gl(const PlanInputs& inputs, Effects& effects, DrawPlan& plan) {
+    const auto& [scene, view, options, outputs, device, calls] = inputs;
+    const Capabilities& capabilities = *device;
     plan_sheets(scene, view, options, outputs, capabilities, effects, plan);
     plan.tagging = choose_tagging(options, capabilities);
     effects.state(EffectId::tagging, plan.tagging != Tagging::off, why_tagged(plan.tagging));

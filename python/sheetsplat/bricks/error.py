@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetsplat.backends import EXACT
 from sheetsplat.bricks.light_error import Measure
 from sheetsplat.bricks.partial import Finished, over_background
 from sheetsplat.bricks.view import BrickView
@@ -63,7 +64,7 @@ def estimate_error(
     Error
         What drawing raises.
     """
-    given = {"backend": "cpu", "precision": "float64", "allow_inexact": True, "threads": view.settings["threads"]}
+    given = {"backend": EXACT, "precision": "float64", "allow_inexact": True, "threads": view.settings["threads"]}
     settings = checked("Renderer", given, RendererClassOptions)
     plain = view.replace(settings=settings, outputs=(), allowed=None, options={**view.options, "background": None})
     unstopped = _with(plain, opacity_stop=1.0)

@@ -64,7 +64,7 @@ def level_of(view: BrickView, number: int, key: Any, field_at: Any) -> int:
 
 def _look(view: BrickView) -> bytes:
     """Return what the error of a level depends on, beside the samples."""
-    names = ("mode", "iso_value", "lights", "material", "slice_spacing", "reference_length", "gradient_opacity")
+    names = ("mode", "iso_value", "lights", "material", "slice_spacing", "reference_length")
     parts = [view.options[name] for name in names]
     told = pickle.dumps((parts, view.transfer_function.points, view.lattice, view.allowed, len(view.partition)), 5)
     return hashlib.blake2b(told, digest_size=16).digest()

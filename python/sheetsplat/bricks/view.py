@@ -22,7 +22,7 @@ from sheetsplat.limits import Depths
 from sheetsplat.modes import TRAITS
 from sheetsplat.options.core import checked
 from sheetsplat.options.renderer import RendererClassOptions
-from sheetsplat.options.scene import SceneOptions, surfaces_of
+from sheetsplat.options.scene import SceneOptions, calls_for_gradients, surfaces_of
 from sheetsplat.transfer import TransferFunction
 
 # Distances are enlarged by this, so that rounding does not leave out a kernel that just reaches.
@@ -249,8 +249,7 @@ class BrickView:
     @property
     def _gradients(self) -> bool:
         """Whether light or opacity depends on differences of neighbouring pixels and slices."""
-        called = bool(self.options["lights"]) or self.options["gradient_opacity"] is not None
-        return called and not self.is_scalar and self.options["gradient"] == "sheets"
+        return calls_for_gradients(self.options) and self.options["gradient"] == "sheets"
 
     def margin(self, number: int) -> float:
         """Return how far beyond the cell of a brick the picture looks at the field, world units.

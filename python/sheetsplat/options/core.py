@@ -92,6 +92,10 @@ class Option:
         The modes that use it.
     effect
         The effect of the plan that any value but the default switches on.
+    in_values
+        It is given in values of the field.
+    gradients
+        Any value but None calls for gradients.
     backends
         The backends that use it, for options of the renderer; all unless given.
     check
@@ -113,6 +117,8 @@ class Option:
     accepts: str = ""
     modes: tuple[str, ...] = MODES
     effect: str = ""
+    in_values: bool = False
+    gradients: bool = False
     backends: tuple[str, ...] = ()
     check: Check | None = None
     flag: str = ""

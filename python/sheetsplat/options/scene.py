@@ -1,6 +1,6 @@
 """The options of a scene: sampling, effects, mode, light."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Any, Literal, TypedDict, get_args
 
 import numpy as np
@@ -23,7 +23,7 @@ from sheetsplat.errors import complain, unusable
 from sheetsplat.light import Light, Material
 from sheetsplat.modes import TRAITS
 from sheetsplat.options.checks import instance_of, one_of, optional, or_default
-from sheetsplat.options.core import COLORED, COMPOSITE, MODES, SCALAR, SURFACES, CommandLine, Mode, Option
+from sheetsplat.options.core import COLORED, COMPOSITE, MODES, SCALAR, SURFACES, CommandLine, Mode, Option, definitions
 from sheetsplat.options.values import POSITIVE, Numbers, Real, Special, Whole
 from sheetsplat.scalar_colors import ScalarColors
 
@@ -180,6 +180,7 @@ class ModeOptions(TypedDict, total=False):
             chosen="the value at which the histogram separates objects from background",
             accepts="float, or pairs",
             modes=SURFACES,
+            in_values=True,
             check=optional(iso_value_of),
             flag="--iso",
             value=Special.SURFACES,
@@ -345,6 +346,8 @@ class EffectOptions(TypedDict, total=False):
             "Scalar per world unit, greater than 0.",
             modes=COMPOSITE,
             effect="gradient_opacity",
+            in_values=True,
+            gradients=True,
             check=optional_number,
             value=POSITIVE,
         ),
@@ -400,3 +403,9 @@ class EffectOptions(TypedDict, total=False):
 
 class SceneOptions(ModeOptions, SamplingOptions, EffectOptions, LightOptions, total=False):
     """Every keyword argument of `Scene`."""
+
+
+def calls_for_gradients(options: Mapping[str, Any]) -> bool:
+    """Return whether the picture of a scene with these options, all of `Scene`'s, depends on gradients."""
+    asked = any(defined.gradients and options[name] is not None for name, defined in definitions(SceneOptions).items())
+    return (asked or bool(options["lights"])) and options["mode"] in COLORED

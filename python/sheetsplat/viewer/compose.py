@@ -24,6 +24,7 @@ from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction, color_rows
 from sheetsplat.viewer.data import Histogram, Shown
 from sheetsplat.viewer.state import (
+    OF_SCENES,
     Cue,
     Curves,
     State,
@@ -162,10 +163,9 @@ def state_parts(shown: Shown, state: State, scene: Scene) -> dict[str, Any]:
             }
             for value, opacity in scene.surfaces
         ],
+        **{name: plain(options[name]) for name in OF_SCENES},
         "scalar_colors": {**plain(colors), "cmap": colors.cmap if isinstance(colors.cmap, str) else ""},
-        **{name: plain(options[name]) for name in ("lights", "material", "shadows", "ambient_occlusion", "clip")},
         "depth_cue": None if cue is None else {"strength": cue.strength, "color": hexadecimal(cue.color)},
-        "gradient_opacity": options["gradient_opacity"],
         "background": None if scene.background is None else hexadecimal(scene.background),
         "backdrop": hexadecimal(state.changes.get("backdrop", (0.0, 0.0, 0.0))),
         "max_error": state.settings.get("max_error", shown.options.get("max_error")),

@@ -26,6 +26,7 @@ from sheetsplat.modes import TRAITS
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import MODES, pick, pick_given
 from sheetsplat.options.data import OpenOptions
+from sheetsplat.options.look import IN_VALUES
 from sheetsplat.options.renderer import RendererOptions
 from sheetsplat.plan import PictureQuality
 from sheetsplat.scene import Scene
@@ -284,7 +285,7 @@ def _scene_file_of(data: object) -> SceneFile | None:
 
 
 # Options that are meant for the mode that was asked for.
-_OF_ONE_MODE = ("iso_value", "scalar_colors", "clim", "cmap", "opacity", "log_scale", "gradient_opacity")
+_OF_ONE_MODE = ({*IN_VALUES} - {"transfer_function"}) | {"scalar_colors", "cmap", "opacity", "log_scale"}
 
 
 def _in_mode(scene: Scene, mode: str, options: Mapping[str, Any]) -> Scene:

@@ -136,6 +136,7 @@ void check_part(const Part& part) {
 
 // Whether an option is set, and its value in words where they are short.
 bool is_set(bool on) { return on; }
+bool is_set(double value) { return value != 0.0; }
 template <class Value>
 bool is_set(const std::optional<Value>& value) {
     return value.has_value();

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from sheetsplat import _sheetsplat
 
 
@@ -70,9 +73,18 @@ class ModeTraits:
         return self.fold in ("largest", "smallest")
 
     @property
-    def sign(self) -> float:
-        """What numbers are multiplied by so that the largest is the one that shows."""
-        return -1.0 if self.fold == "smallest" else 1.0
+    def any_order(self) -> bool:
+        """Whether parts of a ray may be drawn in any order: what they add is a number."""
+        return self.is_scalar
+
+    @property
+    def reduce(self) -> np.ufunc:
+        """What makes one number of those of two parts of a ray."""
+        return {"largest": np.maximum, "smallest": np.minimum}.get(self.fold, np.add)
+
+    def shown_at(self, values: NDArray[np.float64]) -> int:
+        """Return which of some numbers along a ray shows, or shows most."""
+        return int(values.argmin() if self.fold == "smallest" else values.argmax())
 
 
 #: Every mode by its name.

@@ -180,9 +180,9 @@ def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
         shown_here = all_fields.reached & all_fields.inside & kept
         if not shown_here.any():
             return None
-        values = mode.sign * all_fields.values
         every = tuple(one for fields in fields_of for one in fields)
-        return _pick_at(every, 0, ray, float(depths[np.where(shown_here, values, -np.inf).argmax()]), None)
+        seen = np.flatnonzero(shown_here)
+        return _pick_at(every, 0, ray, float(depths[seen[mode.shown_at(all_fields.values[seen])]]), None)
     groups = [_Samples.of(fields, points) for fields in fields_of]
     if mode.shows_surfaces:
         # Slices behind the last one are empty, but a surface may hide them.

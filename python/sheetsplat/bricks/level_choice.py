@@ -198,13 +198,11 @@ def _surfaces(view: BrickView, lines: _Lines, scalars: Floats, gradients: Floats
 def _scalar(view: BrickView, lines: _Lines, line: Any, scalars: Floats) -> Floats:
     """Return sums or extrema of lines, (N, 1)."""
     found = np.zeros(len(lines.inside))
-    mode = TRAITS[view.mode]
-    if mode.adds:
-        np.add.at(found, line, scalars)
-    else:
-        found[:] = -np.inf
-        np.maximum.at(found, line, mode.sign * scalars)
-        found = np.where(np.isfinite(found), mode.sign * found, 0.0)
+    reduce = TRAITS[view.mode].reduce
+    first, at = np.unique(line, return_index=True)
+    found[first] = scalars[at]
+    rest = np.delete(np.arange(len(line)), at)
+    reduce.at(found, line[rest], scalars[rest])
     result: Floats = found[:, None]
     return result
 

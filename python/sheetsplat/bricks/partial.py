@@ -148,8 +148,7 @@ def _add(front: Partial, back: Partial) -> None:
     mode = TRAITS[back.mode]
     if mode.is_extreme:
         a, b = made["scalar"], more["scalar"]
-        better = np.maximum if mode.fold == "largest" else np.minimum
-        a[...] = np.where(made["counts"] == 0, b, np.where(more["counts"] == 0, a, better(a, b)))
+        a[...] = np.where(made["counts"] == 0, b, np.where(more["counts"] == 0, a, mode.reduce(a, b)))
     elif back.scalar is not None:
         made["scalar"] += back.scalar
     for name in ("counts", "coverage"):

@@ -141,7 +141,7 @@ class BrickView:
     def any_order(self) -> bool:
         """Whether bricks can be drawn alone, in any order: where no pixel is finished before its last brick."""
         without_stop = TRAITS[self.mode].is_composited and self.opacity_stop >= 1.0 and "depth" not in self.outputs
-        return self.is_scalar or without_stop
+        return TRAITS[self.mode].any_order or without_stop
 
     @property
     def opacity_stop(self) -> float:

@@ -147,11 +147,6 @@ Scene with_part(const Scene& scene, const std::pair<Triple, Triple>& cell, const
     return made;
 }
 
-const char* name_of(Fold fold) {
-    constexpr std::array names{"opacities", "surfaces", "sum", "largest", "smallest"};
-    return names[static_cast<std::size_t>(fold)];
-}
-
 py::list mode_traits() {
     py::list all;
     for (const ModeTraits& mode : mode_table) {

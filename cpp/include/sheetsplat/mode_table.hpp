@@ -16,6 +16,10 @@ enum class Fold : std::uint8_t {
     largest,
     smallest,
 };
+constexpr const char* name_of(Fold fold) {
+    constexpr std::array names{"opacities", "surfaces", "sum", "largest", "smallest"};
+    return names[static_cast<std::size_t>(fold)];
+}
 
 // X(name, fold, counts, mean, integrates, what its numbers are of the field's values, its name in the viewer, meaning).
 // Flags: see ModeTraits. What numbers are: empty of colours, and where they have a unit of their own.

@@ -247,8 +247,8 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
     }};
     define(switches, defines);
     if (is_extreme(plan.mode)) {
-        // The function that makes one number of two.
-        defines["MODE_EXTREME"] = traits_of(plan.mode).fold == Fold::largest ? "max" : "min";
+        // What makes one number of two.
+        defines["MODE_EXTREME(a, b)"] = traits_of(plan.mode).fold == Fold::largest ? "max(a, b)" : "min(a, b)";
     }
     if (parts.groups > 1) {
         defines["GROUPS"] = std::to_string(parts.groups);

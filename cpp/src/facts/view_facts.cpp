@@ -117,7 +117,7 @@ ViewFacts view_facts(const Scene& scene, const Camera& camera, const Frame& fram
         }
     }
     const RegularField* lattice = scene.fields.size() == 1 ? as_regular(scene.fields.front().get()) : nullptr;
-    if (is_extreme(scene.mode) && lattice != nullptr && ExtremeBlocks::fit(*lattice)) {
+    if (has_bounds(scene.mode) && lattice != nullptr && ExtremeBlocks::fit(*lattice)) {
         const auto peak = facts.lattice_peaks.find(lattice);
         facts.extremes =
             extreme_facts(*lattice, peak != facts.lattice_peaks.end() ? peak->second : 0.0, sign_of_extreme(scene.mode),

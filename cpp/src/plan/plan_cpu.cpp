@@ -222,7 +222,7 @@ SecondsOfExtremes seconds_of_extremes(const RegularField& field, const ViewFacts
 
 /// Modes mip and minimum by rays in place of sheets.
 void plan_extremes(const Scene& scene, const ViewFacts& view, Effects& effects, DrawPlan& plan) {
-    const std::string why_not = !is_extreme(plan.mode)    ? "the mode is neither mip nor minimum"
+    const std::string why_not = !has_bounds(plan.mode)    ? "the mode shows no maximum or minimum"
                                 : scene.fields.size() > 1 ? "there are several fields"
                                 : !view.extremes          ? "rho has no bounds by blocks: they are those of "
                                                             "Cartesian lattices without a division by weights"

@@ -31,6 +31,11 @@ constexpr bool adds_slices(Mode mode) { return traits_of(mode).fold == Fold::sum
 /// Pixels are one of the slices' numbers, the largest or the smallest.
 constexpr bool is_extreme(Mode mode) { return traits_of(mode).fold > Fold::sum; }
 
+/// Bounds of blocks of samples tell where it may be found: the largest or the smallest number.
+constexpr bool has_bounds(Mode mode) {
+    return traits_of(mode).fold == Fold::largest || traits_of(mode).fold == Fold::smallest;
+}
+
 /// Of an extreme, what rho is multiplied by so that the smallest is looked for.
 constexpr double sign_of_extreme(Mode mode) { return traits_of(mode).fold == Fold::largest ? -1.0 : 1.0; }
 

@@ -298,11 +298,11 @@ ss::Scene make_scene(const Options& options, std::shared_ptr<const ss::Field> fi
     if (options.iso_value) {
         scene.iso_values = {*options.iso_value};
     }
-    if (options.mode == ss::Mode::isosurface && !options.iso_value) {
+    if (ss::traits_of(options.mode).fold == ss::Fold::surfaces && !options.iso_value) {
         const std::array<double, 2> range = options.limits.value_or(field->value_range());
         scene.iso_values = {0.5 * (range[0] + range[1])};
     }
-    const bool has_colour = options.mode == ss::Mode::composite || options.mode == ss::Mode::isosurface;
+    const bool has_colour = ss::traits_of(options.mode).fold < ss::Fold::sum;
     if (options.shading && has_colour) {
         scene.lights.push_back({{0.4, 0.5, 1.0}, {1.0, 1.0, 1.0}, ss::LightSpace::eye});
         scene.material = {0.25, 0.75, 0.25, 32.0, true};
@@ -386,13 +386,13 @@ void declare(CLI::App& app, Options& options) {
     points->expected(1)->take_all();
     app.add_option("--clim", options.limits, "values that the built-in transfer function spans (the volume's range)")
         ->excludes(points);
-    app.add_option("--mode", options.mode, "composite | isosurface | xray | mip | minimum | average")
-        ->transform(one_of<ss::Mode>({{"composite", ss::Mode::composite},
-                                      {"isosurface", ss::Mode::isosurface},
-                                      {"xray", ss::Mode::xray},
-                                      {"mip", ss::Mode::mip},
-                                      {"minimum", ss::Mode::minimum},
-                                      {"average", ss::Mode::average}}));
+    std::vector<std::pair<std::string, ss::Mode>> modes;
+    std::string names;
+    for (const ss::ModeTraits& mode : ss::mode_table) {
+        modes.emplace_back(mode.name, mode.mode);
+        names += (names.empty() ? "" : " | ") + modes.back().first;
+    }
+    app.add_option("--mode", options.mode, names)->transform(one_of<ss::Mode>(std::move(modes)));
     app.add_option("--iso,--iso-value", options.iso_value, "value of the isosurface (the middle of the range)");
     app.add_option("--sampling", options.sampling, "point | slab")
         ->transform(one_of<ss::Sampling>({{"point", ss::Sampling::point}, {"slab", ss::Sampling::slab}}));
@@ -417,11 +417,13 @@ void declare(CLI::App& app, Options& options) {
            "pixels, WIDTHxHEIGHT, WIDTH HEIGHT, or one number for both (400)")
         ->expected(1, 2);
     app.add_option("--background", options.background, "RED GREEN BLUE, 0 to 1 (transparent)");
-    app.add_option("--backend", options.backend, "auto | gl | cpu | reference")
-        ->transform(one_of<ss::Backend>({{"auto", ss::Backend::automatic},
-                                         {"gl", ss::Backend::gl},
-                                         {"cpu", ss::Backend::cpu},
-                                         {"reference", ss::Backend::reference}}));
+    std::vector<std::pair<std::string, ss::Backend>> backends{{"auto", ss::Backend::automatic}};
+    names = "auto";
+    for (const ss::BackendTraits& backend : ss::backend_table) {
+        backends.emplace_back(backend.name, backend.backend);
+        names += " | " + backends.back().first;
+    }
+    app.add_option("--backend", options.backend, names)->transform(one_of<ss::Backend>(std::move(backends)));
     app.add_option("--threads", options.threads, "of backend cpu; 0: as many as the process may run on (0)")
         ->check(CLI::NonNegativeNumber.description(""));
     app.add_option("--max-error", options.max_error,

@@ -9,7 +9,25 @@ namespace py = pybind11;
 
 namespace sheetsplat::bindings {
 
+namespace {
+
+py::list backend_traits() {
+    py::list all;
+    for (const BackendTraits& traits : backend_table) {
+        all.append(py::dict(py::arg("name") = traits.name, py::arg("defines") = can(traits.backend, Ability::defines),
+                            py::arg("exact") = can(traits.backend, Ability::exact),
+                            py::arg("ways") = can(traits.backend, Ability::ways),
+                            py::arg("precisions") = py::tuple(py::str(traits.precisions).attr("split")()),
+                            py::arg("pixels") = traits.pixels, py::arg("sections") = traits.sections,
+                            py::arg("points") = traits.points, py::arg("rated_device") = traits.rated_device));
+    }
+    return all;
+}
+
+} // namespace
+
 void register_plan(py::module_& module) {
+    module.def("backend_traits", &backend_traits);
     py::class_<RenderPlan, std::shared_ptr<RenderPlan>>(module, "RenderPlan")
         .def_property_readonly("backend", [](const RenderPlan& plan) { return to_string(plan.backend); })
         .def_property_readonly("precision", [](const RenderPlan& plan) { return to_string(plan.precision); })

@@ -23,8 +23,13 @@ namespace py = pybind11;
 namespace sheetsplat::bindings {
 namespace {
 
-const std::map<std::string, Backend> backends{
-    {"auto", Backend::automatic}, {"gl", Backend::gl}, {"cpu", Backend::cpu}, {"reference", Backend::reference}};
+const std::map<std::string, Backend> backends = [] {
+    std::map<std::string, Backend> all{{to_string(Backend::automatic), Backend::automatic}};
+    for (const BackendTraits& traits : backend_table) {
+        all.emplace(traits.name, traits.backend);
+    }
+    return all;
+}();
 const std::map<std::string, Precision> precisions{{"auto", Precision::automatic},
                                                   {"uint8", Precision::uint8},
                                                   {"float16", Precision::float16},

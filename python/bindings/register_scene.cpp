@@ -17,6 +17,13 @@ namespace sheetsplat::bindings {
 namespace {
 
 const std::map<std::string, Sampling> samplings{{"point", Sampling::point}, {"slab", Sampling::slab}};
+const std::map<std::string, Mode> modes = [] {
+    std::map<std::string, Mode> all;
+    for (const ModeTraits& mode : mode_table) {
+        all.emplace(mode.name, mode.mode);
+    }
+    return all;
+}();
 const std::map<std::string, Filter> filters{{"none", Filter::none}, {"ewa", Filter::ewa}};
 const std::map<std::string, Gradient> gradients{{"sheets", Gradient::sheets}, {"analytic", Gradient::analytic}};
 const std::map<std::string, LightSpace> light_spaces{{"eye", LightSpace::eye}, {"world", LightSpace::world}};
@@ -50,13 +57,36 @@ AmbientOcclusion make_occlusion(double radius, double strength) { return {radius
 // A group of fields, and its transfer function.
 using OwnLook = std::pair<std::vector<std::shared_ptr<Field>>, TransferFunction>;
 
-Scene make_scene(const std::vector<OwnLook>& groups, std::optional<double> slice_spacing, const std::string& sampling,
-                 std::optional<double> reference_length, const std::string& mode,
-                 const std::vector<std::pair<double, double>>& iso_value, const std::vector<Light>& lights,
-                 const Material& material, double opacity_stop, bool preintegration, std::optional<Triple> background,
-                 const std::string& filter, bool second_order, const std::string& gradient, const Clip& clip,
-                 std::optional<double> gradient_opacity, const std::optional<DepthCue>& depth_cue, bool shadows,
-                 const std::optional<AmbientOcclusion>& ambient_occlusion) {
+// Members of a scene from values of Python.
+template <class Value>
+void read(const char*, py::handle value, Value& member) {
+    member = value.cast<Value>();
+}
+void read(const char* name, py::handle value, Sampling& member) {
+    member = from_name(name, value.cast<std::string>(), samplings);
+}
+void read(const char* name, py::handle value, Mode& member) {
+    member = from_name(name, value.cast<std::string>(), modes);
+}
+void read(const char* name, py::handle value, Filter& member) {
+    member = from_name(name, value.cast<std::string>(), filters);
+}
+void read(const char* name, py::handle value, Gradient& member) {
+    member = from_name(name, value.cast<std::string>(), gradients);
+}
+void read(const char*, py::handle value, std::vector<IsoValue>& member) {
+    for (const auto& [scalar, opacity] : value.cast<std::vector<std::pair<double, double>>>()) {
+        member.emplace_back(scalar, opacity);
+    }
+}
+void read(const char*, py::handle value, std::optional<Vec3>& member) {
+    if (!value.is_none()) {
+        member = to_vec3(value.cast<Triple>());
+    }
+}
+
+/// options: of Scene, by name.
+Scene make_scene(const std::vector<OwnLook>& groups, const py::kwargs& options) {
     Scene scene{{}, groups.at(0).second};
     for (const auto& [fields, transfer_function] : groups) {
         if (!scene.fields.empty()) {
@@ -64,27 +94,15 @@ Scene make_scene(const std::vector<OwnLook>& groups, std::optional<double> slice
         }
         scene.fields.insert(scene.fields.end(), fields.begin(), fields.end());
     }
-    scene.slice_spacing = slice_spacing;
-    scene.sampling = from_name("sampling", sampling, samplings);
-    scene.reference_length = reference_length;
-    scene.mode = from_name("mode", mode, modes);
-    for (const auto& [value, opacity] : iso_value) {
-        scene.iso_values.emplace_back(value, opacity);
-    }
-    scene.lights = lights;
-    scene.material = material;
-    scene.opacity_stop = opacity_stop;
-    scene.preintegration = preintegration;
-    scene.filter = from_name("filter", filter, filters);
-    scene.second_order = second_order;
-    scene.gradient = from_name("gradient", gradient, gradients);
-    scene.clip = clip;
-    scene.gradient_opacity = gradient_opacity;
-    scene.depth_cue = depth_cue;
-    scene.shadows = shadows;
-    scene.ambient_occlusion = ambient_occlusion;
-    if (background) {
-        scene.background = to_vec3(*background);
+    std::size_t known = 0;
+    for_each_option(scene, [&](const char* name, Applies, auto& member) {
+        if (options.contains(name)) {
+            read(name, options[name], member);
+            ++known;
+        }
+    });
+    if (known != options.size()) {
+        throw py::type_error("Scene: there is an option that it does not have");
     }
     scene.validate();
     return scene;
@@ -129,9 +147,21 @@ Scene with_part(const Scene& scene, const std::pair<Triple, Triple>& cell, const
     return made;
 }
 
+py::list mode_traits() {
+    py::list all;
+    for (const ModeTraits& mode : mode_table) {
+        all.append(py::dict(py::arg("name") = mode.name, py::arg("fold") = name_of(mode.fold),
+                            py::arg("counts") = mode.counts, py::arg("mean") = mode.mean,
+                            py::arg("integrates") = mode.integrates, py::arg("of_values") = mode.of_values,
+                            py::arg("label") = mode.label, py::arg("meaning") = mode.meaning));
+    }
+    return all;
+}
+
 } // namespace
 
 void register_scene(py::module_& module) {
+    module.def("mode_traits", &mode_traits);
     py::class_<Light>(module, "Light")
         .def(py::init(&make_light), py::kw_only(), py::arg("direction"), py::arg("color"), py::arg("space"));
     py::class_<Material>(module, "Material")
@@ -144,11 +174,7 @@ void register_scene(py::module_& module) {
     py::class_<AmbientOcclusion>(module, "AmbientOcclusion")
         .def(py::init(&make_occlusion), py::kw_only(), py::arg("radius"), py::arg("strength"));
     py::class_<Scene>(module, "Scene")
-        .def(py::init(&make_scene), py::arg("groups"), py::kw_only(), py::arg("slice_spacing"), py::arg("sampling"),
-             py::arg("reference_length"), py::arg("mode"), py::arg("iso_value"), py::arg("lights"), py::arg("material"),
-             py::arg("opacity_stop"), py::arg("preintegration"), py::arg("background"), py::arg("filter"),
-             py::arg("second_order"), py::arg("gradient"), py::arg("clip"), py::arg("gradient_opacity"),
-             py::arg("depth_cue"), py::arg("shadows"), py::arg("ambient_occlusion"))
+        .def(py::init(&make_scene), py::arg("groups"))
         .def("with_depth_limit", &with_depth_limit, py::arg("depths"))
         .def("with_part", &with_part, py::kw_only(), py::arg("cell"), py::arg("centres"), py::arg("depths"),
              py::arg("in_front").none(true), py::arg("supports") = py::none(), py::arg("domain") = py::none(),

@@ -149,25 +149,7 @@ class Scene:
     def __init__(
         self,
         groups: Sequence[tuple[Sequence[Field], TransferFunction]],
-        *,
-        slice_spacing: float | None,
-        sampling: str,
-        reference_length: float | None,
-        mode: str,
-        iso_value: Sequence[tuple[float, float]],
-        lights: Sequence[Light],
-        material: Material,
-        opacity_stop: float,
-        preintegration: bool,
-        background: _Triple | None,
-        filter: str,
-        second_order: bool,
-        gradient: str,
-        clip: Clip,
-        gradient_opacity: float | None,
-        depth_cue: DepthCue | None,
-        shadows: bool,
-        ambient_occlusion: AmbientOcclusion | None,
+        **options: Any,
     ) -> None: ...
     def with_depth_limit(self, depths: NDArray[np.float64]) -> Scene: ...
     def with_part(
@@ -261,6 +243,12 @@ class RenderPlan:
     def expected_error(self) -> float: ...
     @property
     def error_budget(self) -> list[tuple[str, float]]: ...
+
+def mode_traits() -> list[dict[str, Any]]:
+    """Every mode: the fields of `sheetsplat.modes.ModeTraits`."""
+
+def backend_traits() -> list[dict[str, Any]]:
+    """Every backend: the fields of `sheetsplat.backends.BackendTraits`."""
 
 def known_effects() -> list[tuple[str, str, str, list[str], list[str]]]:
     """All effects: name, meaning, what decides it (or ""), backends that list it, and that can force it."""

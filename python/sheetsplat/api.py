@@ -241,7 +241,7 @@ def _chosen(opened: Opened, options: Any, asked: Asked, size: tuple[int, int], o
     suggested = suggested_look(data, look)
     # False has the same effect as leaving the option out.
     wanted = [*(name for name, value in look.items() if value is not False), *outputs]
-    mode = choice("render: mode", look.get("mode", suggested.get("mode", "composite")), MODES)
+    mode = choice("render: mode", look.get("mode", suggested.get("mode", MODES[0])), MODES)
     if ignored := unused(mode, wanted):
         warn(f"mode {mode} does not use these options: " + option_refs(ignored))
     return choose(opened.fields, options, asked, size, made=_is_made(data), suggested=suggested)

@@ -16,7 +16,7 @@ class Device:
     Attributes
     ----------
     backend
-        "gl", "cpu" or "reference".
+        Its name.
     platform
         "egl", "surfaceless" or "osmesa" for OpenGL, else empty.
     available

@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat._time_left import about
+from sheetsplat.backends import BACKEND_TRAITS, EXACT
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Words, option_ref
 from sheetsplat.fields import EllipsoidField, Field, RegularField, joined_bounds
 from sheetsplat.look.visible import camera_axes, depths_of
+from sheetsplat.modes import TRAITS
 from sheetsplat.notices import warn
 from sheetsplat.quality.slicing import depth_extent
 from sheetsplat.scene import Scene
@@ -29,26 +31,8 @@ _SOME = 512
 _PROBES, _LINES, _STEPS = 2048, 256 * 8, 2000
 
 
-@dataclass(frozen=True)
-class _Rates:
-    """What a processor's core does in a second: pixels of kernels in slices, slices of kernels, pixels of slices.
-
-    `scattered`: kernels that are put into a grid, by one core.
-    """
-
-    pixels: float
-    sections: float
-    points: float
-    scattered: float = 1.5e6
-
-
-# Measured on two cores of 2023 with AVX2: volumes of 64 to 256 samples an edge, radii of 2 to 20 samples, 90,000 to
-# 2,560,000 pixels, and 500 to 1,000,000 ellipsoids, within a factor of 3. "gl": of OpenGL in software.
-_RATES = {
-    "cpu": _Rates(3e9, 2e8, 1.2e9),
-    "gl": _Rates(2.5e8, 2e8, 1.2e8),
-    "reference": _Rates(5e7, 5e7, 5e7),
-}
+# Kernels that a core puts into a grid in a second.
+_SCATTERED = 1.5e6
 
 
 @dataclass(frozen=True)
@@ -79,13 +63,10 @@ def expected_time(
     backend, device, slices, spacing
         Of its plan; spacing in world units.
     """
-    if (
-        backend not in _RATES
-        or not any(one.size for one in scene.fields)
-        or (backend == "gl" and "llvmpipe" not in device)
-    ):
+    rates = BACKEND_TRAITS[backend]
+    if rates.rated_device not in device or not any(one.size for one in scene.fields):
         return None
-    threads, rates = _threads(device), _RATES[backend]
+    threads = _threads(device)
     screen = _Screen.of(scene, camera, size)
     scattered = sum(one.size for one in scene.fields if isinstance(one, EllipsoidField))
     pixels, sections = 0.0, 0.0
@@ -96,7 +77,7 @@ def expected_time(
                 own = _sums(count * _share(one, scene, function, screen), axes, screen, slices, spacing)
                 pixels, sections = pixels + own[0], sections + own[1]
     light = _light(scene, screen, slices, threads)
-    kernels = (pixels / rates.pixels + sections / rates.sections) / threads + scattered / rates.scattered
+    kernels = (pixels / rates.pixels + sections / rates.sections) / threads + scattered / _SCATTERED
     summed = float(slices) * screen.points / rates.points / threads
     largest = max(kernels, summed, light)
     fewer = "draw fewer pixels, or use a larger " + option_ref("slice_spacing")
@@ -114,7 +95,7 @@ def expected_time(
 
 def may_be_long(scene: Scene, camera: Camera, size: tuple[int, int], backend: str) -> bool:
     """Return whether a picture may take more than `LONG`, by bounds that are known in a fraction of a millisecond."""
-    rates, spacing = _RATES.get(backend, _RATES["cpu"]), scene.slice_spacing
+    rates, spacing = BACKEND_TRAITS.get(backend, BACKEND_TRAITS[EXACT]), scene.slice_spacing
     if not any(one.size for one in scene.fields):
         return False
     screen = _Screen.of(scene, camera, size)
@@ -215,14 +196,14 @@ def _share(field: Field, scene: Scene, function: TransferFunction, screen: _Scre
     low, high = np.asarray(field.centre_bounds)
     shares = np.hstack(places[::-1]) / np.maximum(np.asarray(shape[::-1]) - 1, 1)
     seen = screen.shows(low + shares * (high - low))
-    if scene.mode not in ("composite", "isosurface"):
+    if TRAITS[scene.mode].is_scalar:
         return float(seen.mean())
     reach = np.indices((5, 5, 5)).reshape(3, -1) - 2
     near = tuple(np.clip(place + step, 0, n - 1) for place, step, n in zip(places, reach, shape, strict=True))
     around = field.values[near].astype(np.float64)
     # Nothing is known of a sum but that it lies between its values and the base.
     least, most = np.fmin(around.min(axis=1), field.base), np.fmax(around.max(axis=1), field.base)
-    if scene.mode == "composite":
+    if TRAITS[scene.mode].is_composited:
         points = function.points
         opaque = (points[:, 0] >= least[:, None]) & (points[:, 0] <= most[:, None]) & (points[:, 4] > 0.0)
         ends = function.at(np.stack([least, most], axis=1))[..., 3] > 0.0

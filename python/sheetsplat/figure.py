@@ -18,6 +18,7 @@ from sheetsplat._checks import shown, truth
 from sheetsplat._matplotlib import module_of, require_matplotlib
 from sheetsplat.describe.recipe import FieldRecipe
 from sheetsplat.errors import complain, unusable
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.scene import surfaces_of
 from sheetsplat.quantity import Axis, Quantity
 from sheetsplat.transfer import TransferFunction
@@ -88,13 +89,14 @@ def color_bars(image: Image) -> list[ColorBar]:
         at = np.linspace(0.0, 1.0, _COLORS)
         rows = colors.table
         table = np.column_stack([np.interp(at, np.linspace(0.0, 1.0, len(rows)), column) for column in rows.T])
-        if image.mode == "xray":
+        mode = TRAITS[image.mode]
+        if mode.integrates:
             return [ColorBar(table, low, high, colors.log, _integral_label(quantity))]
-        label = f"{_MEANS.get(image.mode, image.mode)} {quantity.label}"
+        label = f"{mode.of_values} {quantity.label}"
         if quantity.floor is not None and not colors.log:
             return [ColorBar(table, quantity.scalar(low), quantity.scalar(high), True, label)]
         return [ColorBar(table, low, high, colors.log, label)]
-    surfaces = surfaces_of(options["iso_value"]) if image.mode == "isosurface" else ()
+    surfaces = surfaces_of(options["iso_value"]) if TRAITS[image.mode].shows_surfaces else ()
     recipe, first, bars = image.recipe, 0, []
     for function, count in zip(recipe.transfer_functions, recipe.groups, strict=True):
         bar = _bar_of(function, _common(recipe.fields[first : first + count]), surfaces)
@@ -103,9 +105,6 @@ def color_bars(image: Image) -> list[ColorBar]:
         first += count
     alike = collections.Counter(bar.label for bar, _ in bars)
     return [replace(bar, label=longer) if alike[bar.label] > 1 else bar for bar, longer in bars]
-
-
-_MEANS = {"mip": "largest", "minimum": "smallest", "average": "mean"}
 
 
 def _bar_of(function: TransferFunction, quantity: Quantity, surfaces: Sequence[tuple[float, float]]) -> ColorBar:

@@ -19,6 +19,7 @@ from sheetsplat.describe.schema import LONGEST
 from sheetsplat.errors import Unsupported, complain, unusable
 from sheetsplat.fields import has_values_at_points
 from sheetsplat.limits import Depths
+from sheetsplat.modes import TRAITS
 from sheetsplat.notices import warn
 from sheetsplat.options.renderer import Progress
 from sheetsplat.plan import RenderPlan
@@ -167,7 +168,7 @@ class Image:
 
     @property
     def is_scalar(self) -> bool:
-        """True for modes that make one number a pixel, such as "xray" and "mip"."""
+        """True for scalar modes, which make one number a pixel."""
         return self._scalar is not None
 
     @property
@@ -184,9 +185,9 @@ class Image:
 
     @property
     def scalar(self) -> NDArray[np.float32]:
-        """Result of the modes "xray", "mip", "minimum" and "average", float32 (h, w). InvalidInput in other modes.
+        """Result of scalar modes, float32 (h, w). InvalidInput in modes that show colours.
 
-        Where there is nothing on the ray of a pixel it is NaN, and 0 in mode "xray".
+        Where there is nothing on the ray of a pixel it is NaN, and 0 where the mode integrates.
         """
         return self._there("scalar", self._scalar, "its mode is a coloured one: look at image.rgba")
 
@@ -246,7 +247,7 @@ class Image:
         """The values at which the colours begin and end: of the first transfer function, or of a scalar picture."""
         if self._scalar is not None:
             colors: ScalarColors = self._recipe.options["scalar_colors"]
-            return colors.limits(self._scalar, from_zero=self.mode == "xray")
+            return colors.limits(self._scalar, from_zero=TRAITS[self.mode].integrates)
         first = self._recipe.transfer_functions[0]
         return first.v_min, first.v_max
 

@@ -13,7 +13,7 @@ from sheetsplat._checks import Triple, number, shown, triple
 from sheetsplat.errors import complain, unusable
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.limits import in_front
-from sheetsplat.options.core import SCALAR
+from sheetsplat.modes import TRAITS
 
 if TYPE_CHECKING:
     from sheetsplat.image import Image
@@ -32,10 +32,10 @@ class Pick:
     Attributes
     ----------
     position
-        World position. Mode "composite": on the slice where the opacity of the pixel first reaches ½, as `Image.depth`
-        has it; where it stays below ½, on the slice that contributes most. "isosurface": where the ray crosses the
-        value; of several surfaces likewise. "xray", "mip", "average": on the slice with the largest scalar;
-        "minimum": with the smallest.
+        World position. Of composited colours on the slice where the opacity of the pixel first reaches ½, as
+        `Image.depth` has it; where it stays below ½, on the slice that contributes most. Of surfaces where the ray
+        crosses the value; of several likewise. In scalar modes on the slice with the largest scalar; where the smallest
+        is shown, with that.
     depth
         Its depth: world units from the eye along the view direction.
     value
@@ -174,16 +174,17 @@ def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
     visible = in_front(image.depth_limit, column, row, depths, plan.slice_spacing)
     kept, stop = scene.options["clip"].keeps(points) & visible, float(image.recipe.options["opacity_stop"])
     fields_of = [_as_summed(fields) for fields in scene.groups]
-    if scene.mode in SCALAR:
+    mode = TRAITS[scene.mode]
+    if mode.is_scalar:
         all_fields = _Samples.sum_of(fields_of, points)
         shown_here = all_fields.reached & all_fields.inside & kept
         if not shown_here.any():
             return None
-        values = -all_fields.values if scene.mode == "minimum" else all_fields.values
         every = tuple(one for fields in fields_of for one in fields)
-        return _pick_at(every, 0, ray, float(depths[np.where(shown_here, values, -np.inf).argmax()]), None)
+        seen = np.flatnonzero(shown_here)
+        return _pick_at(every, 0, ray, float(depths[seen[mode.shown_at(all_fields.values[seen])]]), None)
     groups = [_Samples.of(fields, points) for fields in fields_of]
-    if scene.mode == "isosurface":
+    if mode.shows_surfaces:
         # Slices behind the last one are empty, but a surface may hide them.
         behind = depths[-1:] + plan.slice_spacing
         open_back = bool(in_front(image.depth_limit, column, row, behind, plan.slice_spacing)[0])

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import check_progress, image_size, instance, names, number, whole
+from sheetsplat.backends import BACKEND_TRAITS, DEFINING, Backend
 from sheetsplat.camera import Camera
 from sheetsplat.describe.recipe import Recipe
 from sheetsplat.effect_names import check_effects
@@ -25,15 +26,7 @@ from sheetsplat.limits import Depths, checked_depths
 from sheetsplat.look import empty
 from sheetsplat.notices import is_muted, muted, warn
 from sheetsplat.options.core import checked, definitions, documented, filled
-from sheetsplat.options.renderer import (
-    OUTPUTS,
-    Backend,
-    Output,
-    Progress,
-    RendererClassOptions,
-    RendererKeywords,
-    check_backend,
-)
+from sheetsplat.options.renderer import OUTPUTS, Output, Progress, RendererClassOptions, RendererKeywords, check_backend
 from sheetsplat.plan import RenderPlan
 from sheetsplat.quality.lost import keeping, warn_of_lost, with_lost
 from sheetsplat.quality.thin import LEAST_UNMET, may_be_flat, unmet_kernels
@@ -117,7 +110,7 @@ def _unused(settings: Mapping[str, Any], plan: RenderPlan) -> list[str]:
     found = [
         name for name, known in users.items() if known and settings[name] is not None and plan.backend not in known
     ]
-    if plan.backend == "reference":
+    if BACKEND_TRAITS[plan.backend].defines:
         # Values that name what it does anyway need no warning.
         ways = {"tagging": plan.tagging, "packing": plan.packing}
         found += [name for name, way in ways.items() if settings[name] not in ("auto", way)]
@@ -497,7 +490,7 @@ class Renderer:
                 )
                 warn(
                     f"{_LIGHT[effect.name]} of backend {plan.backend} {differ}"
-                    + option_ref("backend", "reference")
+                    + option_ref("backend", DEFINING)
                     + " draws them as defined"
                 )
 

@@ -34,7 +34,7 @@ class ScalarColors:
         As for `TransferFunction.from_colormap`; kept as a name, or as a tuple of rows r, g, b, opacity.
     clim
         The two numbers at which the colormap begins and ends; by the picture unless given: from its smallest number to
-        its largest, and to 0 where that is nearer to them than they are wide or the mode is "xray", without outliers:
+        its largest, and to 0 where that is nearer to them than they are wide or the mode integrates, without outliers:
         at most 1/200 of the numbers on a side, a hundred times as far away as the others.
     log
         Spread the colours over the logarithm. Numbers of 0 and below have the first colour. Unless given, `clim` then

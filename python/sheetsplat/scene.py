@@ -140,11 +140,11 @@ class Scene:
     def _made(self) -> _sheetsplat.Scene:
         native = {name: _native(value) for name, value in self._options.items()}
         # The engine makes the numbers of a scalar picture; the image makes their colours, and the mean of samples.
-        del native["scalar_colors"], native["supersampling"]
+        del native["scalar_colors"], native["supersampling"], native["iso_value"]
         native["filter"] = native["filter"] or "none"
         native["second_order"] = native["preintegration"] == "second_order"
         native["preintegration"] = bool(native["preintegration"])
-        native["iso_value"] = self.surfaces
+        native["iso_values"] = self.surfaces
         if any(isinstance(one, BrickedKernels) for one in self.fields):
             # The native field of kernels in bricks is a sample, which would have slices farther apart.
             native |= {"slice_spacing": self.slice_spacing, "reference_length": self.reference_length}
@@ -242,7 +242,7 @@ class Scene:
 
     @property
     def mode(self) -> str:
-        """One of "composite", "isosurface", "xray", "mip", "minimum" and "average"."""
+        """How slices are combined into pixels: the option `mode`."""
         found: str = self._options["mode"]
         return found
 

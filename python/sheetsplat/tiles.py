@@ -16,8 +16,8 @@ from sheetsplat.camera import Camera
 from sheetsplat.errors import Cancelled, Error, complain, unusable
 from sheetsplat.io.pictures import check_folder, whole_file
 from sheetsplat.limits import checked_depths
+from sheetsplat.modes import TRAITS
 from sheetsplat.notices import muted
-from sheetsplat.options.core import SCALAR
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 
@@ -152,7 +152,7 @@ def render_tiles(
     if target.suffix.lower() != ".npy":
         raise complain(f"{target} cannot be written", f"the suffix {target.suffix!r}", ".npy")
     check_folder(target)
-    scalar = scene.mode in SCALAR
+    scalar = TRAITS[scene.mode].is_scalar
     shape = (height, width) if scalar else (height, width, 4)
     needed = 4 * math.prod(shape) + _HEADER
     room = shutil.disk_usage(target.resolve().parent).free

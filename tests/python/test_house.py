@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
 import pytest
 
 import sheetsplat as ss
+from sheetsplat.backends import BACKEND_TRAITS
+from sheetsplat.modes import TRAITS
+from sheetsplat.options.core import MODES
+from sheetsplat.options.renderer import BACKENDS
 
 ROOT = Path(ss.__file__).parent
 CLONE = Path(__file__).parents[2]
@@ -262,3 +266,43 @@ def test_the_check_of_measured_constants_can_fail():
     assert missing_tests(thing, comment) == ["Plan.NoSuchTest"] and named_tests(none) == []
     assert missing_tests("largest_thing", "tests: GlRefuses.Beyond/<name>") == ["GlRefuses.Beyond/thing"]
     assert missing_tests("", "Test: test_no_such_thing.") == ["test_no_such_thing"]
+
+
+# Names of modes and backends in comparisons, which would have to be found again for each new one: files ask for traits.
+COMPARED = {
+    "*.py": r"{what}\W{{0,3}} (?:==|!=|\bin) \(?\"(?:{names})\"",
+    "*.[ch]pp": r"{what}\W{{0,3}} (?:==|!=) (?:ss::)?\w+::(?:{names})\b",
+}
+
+
+def compared_names(folder: Path, what: str, names: Iterable[str]) -> list[str]:
+    """Return the lines of a folder that compare a mode or a backend with one of some names."""
+    found = []
+    for pattern, comparison in COMPARED.items():
+        is_compared = re.compile(comparison.format(what=what, names="|".join(names)))
+        for path in sorted(folder.rglob(pattern)):
+            lines = path.read_text(encoding="utf-8").splitlines()
+            found += [
+                f"{path.name}:{n}: {line.strip()}"
+                for n, line in enumerate(lines, 1)
+                # (Examples ask as users do.)
+                if is_compared.search(line) and ">>>" not in line
+            ]
+    return found
+
+
+@pytest.mark.parametrize("folder", ["python/sheetsplat", "python/bindings", "cpp/src", "cpp/apps"])
+def test_nothing_is_decided_by_the_name_of_a_mode_or_backend(folder):
+    assert compared_names(CLONE / folder, "mode", TRAITS) == []
+    assert compared_names(CLONE / folder, "backend_?", BACKEND_TRAITS) == []
+
+
+def test_the_search_for_compared_names_can_fail(tmp_path):
+    (tmp_path / "one.py").write_text('sums = mode in ("xray", "average")\nif options["mode"] == "xray":\n    pass\n')
+    (tmp_path / "two.cpp").write_text("if (plan.mode == Mode::mip || scene.mode != Mode::average) {\n")
+    assert len(compared_names(tmp_path, "mode", ["xray", "mip"])) == 3
+
+
+def test_the_names_of_modes_and_backends_are_those_of_the_engine():
+    assert tuple(TRAITS) == MODES
+    assert ("auto", *BACKEND_TRAITS) == BACKENDS

@@ -87,6 +87,9 @@ def cpp_defaults(header: str, start: str) -> dict[str, object]:
     """Return the defaults that a C++ header states between `start` and the end of its block: numbers, names, flags."""
     text = (ROOT / "cpp" / "include" / "sheetsplat" / header).read_text(encoding="utf-8")
     block = text.partition(start)[2].partition(");" if start.endswith("(") else "\n}")[0]
+    if start.startswith("#define"):
+        # A row of a table for each: X(type, name, value, ...).
+        block = re.sub(r"X\(\S+, (\w+), ([\w.:{}]+), .*", r"\1 = \2", block.partition("// clang-format on")[0])
     assert block, start
     constants = dict(re.findall(r"^constexpr double (\w+) = ([\d.]+);", text, re.MULTILINE))
     found: dict[str, object] = {}
@@ -106,7 +109,7 @@ def cpp_defaults(header: str, start: str) -> dict[str, object]:
         ("field.hpp", "struct EllipsoidFieldOptions {", ss.EllipsoidField, {}),
         ("camera.hpp", "Camera fit(", ss.Camera.fit, {"projection": "kind"}),
         ("scene.hpp", "struct Material {", ss.Material, {}),
-        ("scene.hpp", "struct Scene {", ss.Scene, {}),
+        ("scene.hpp", "#define SHEETSPLAT_SCENE_OPTIONS", ss.Scene, {}),
         ("renderer.hpp", "struct RendererOptions {", ss.Renderer, {}),
     ],
 )

@@ -5,11 +5,11 @@
 #include <string>
 #include <vector>
 
+#include "sheetsplat/backend_table.hpp"
 #include "sheetsplat/types.hpp"
 
 namespace sheetsplat {
 
-enum class Backend { automatic, gl, cpu, reference };
 enum class Precision { automatic, uint8, float16, float32, float64 };
 enum class Packing { automatic, paper, wide };
 enum class Tagging { automatic, depth_bounds, depth_equal, tiles, off };

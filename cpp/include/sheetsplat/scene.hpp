@@ -9,6 +9,7 @@
 
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/field.hpp"
+#include "sheetsplat/mode_table.hpp"
 #include "sheetsplat/transfer_function.hpp"
 #include "sheetsplat/types.hpp"
 
@@ -18,8 +19,6 @@ enum class Sampling {
     point, ///< a slice holds the field at its depth ([NM06])
     slab,  ///< a slice holds the mean over its slab along the pixel's ray ([NM05])
 };
-
-enum class Mode { composite, isosurface, xray, mip, minimum, average };
 
 enum class LightSpace { eye, world };
 
@@ -177,6 +176,37 @@ struct Counted {
     std::string reason{};
 };
 
+/// Which modes use an option of a scene (mode_table.hpp).
+enum class Applies {
+    always,    ///< all, or others ignore it
+    colors,    ///< others refuse it
+    opacities, ///< modes that composite slices by their opacities; others refuse it
+};
+
+// X(type, name, default, which modes use it). The options of a scene, each once: members, equality, bindings and the
+// rules of modes follow. Their meaning: conventions, sections 3 to 10; units: world.
+// clang-format off
+#define SHEETSPLAT_SCENE_OPTIONS(X) \
+    X(std::optional<double>, slice_spacing, {}, always)  /* distance; of the fields where it is not given */ \
+    X(Sampling, sampling, Sampling::point, always) \
+    X(std::optional<double>, reference_length, {}, always)  /* of opacities; of the fields where it is not given */ \
+    X(Mode, mode, Mode::composite, always) \
+    X(std::vector<IsoValue>, iso_values, {}, always)  /* mode isosurface needs at least one; others ignore them */ \
+    X(std::vector<Light>, lights, {}, always) \
+    X(Material, material, {}, always) \
+    X(double, opacity_stop, default_opacity_stop, always)  /* 1 = never */ \
+    X(bool, preintegration, false, opacities)  /* [EKE01] */ \
+    X(bool, second_order, false, always)  /* of pre-integration: Romberg's step over the interval and its halves */ \
+    X(Filter, filter, Filter::none, always) \
+    X(Gradient, gradient, Gradient::sheets, always) \
+    X(Clip, clip, {}, always) \
+    X(std::optional<double>, gradient_opacity, {}, opacities)  /* g1: opacity times min(1, |grad rho| / g1) */ \
+    X(std::optional<DepthCue>, depth_cue, {}, colors) \
+    X(bool, shadows, false, colors)  /* of all lights */ \
+    X(std::optional<AmbientOcclusion>, ambient_occlusion, {}, colors) \
+    X(std::optional<Vec3>, background, {}, always)
+// clang-format on
+
 /// Everything about a picture but the camera and its size; a depth limit belongs to one camera and size.
 struct Scene {
     /// A group after the first one: its transfer function, and where in `fields` it begins. It ends where the next
@@ -189,26 +219,11 @@ struct Scene {
     std::vector<std::shared_ptr<const Field>> fields; ///< of all groups, one group after the other
     TransferFunction transfer_function;               ///< of the first group
     std::vector<LaterGroup> later_groups{};
-    std::optional<double> slice_spacing{}; ///< world units
-    Sampling sampling = Sampling::point;
-    std::optional<double> reference_length{}; ///< world units
-    Mode mode = Mode::composite;
-    std::vector<IsoValue> iso_values{}; ///< mode isosurface needs at least one
-    std::vector<Light> lights{};
-    Material material{};
-    double opacity_stop = default_opacity_stop; ///< 1 = never
-    bool preintegration = false;                ///< [EKE01]
-    bool second_order = false; ///< of pre-integration: Romberg's step over the interval and its halves (section 10)
-    Filter filter = Filter::none;
-    Gradient gradient = Gradient::sheets;
-    Clip clip{};
+#define SHEETSPLAT_SCENE_MEMBER(type, name, value, applies) type name = value;
+    SHEETSPLAT_SCENE_OPTIONS(SHEETSPLAT_SCENE_MEMBER)
+#undef SHEETSPLAT_SCENE_MEMBER
     std::optional<DepthLimit>
-        depth_limit{}; ///< of pictures of its size, with the camera that the surface was drawn with
-    std::optional<double> gradient_opacity{}; ///< g1: opacity is multiplied by min(1, |grad rho| / g1)
-    std::optional<DepthCue> depth_cue{};
-    bool shadows = false; ///< of all lights
-    std::optional<AmbientOcclusion> ambient_occlusion{};
-    std::optional<Vec3> background{};
+        depth_limit{};                ///< of pictures of its size, with the camera that the surface was drawn with
     std::optional<Counted> counted{}; ///< set by renderers alone
     std::optional<Part> part{}; ///< where the fields are a part of larger ones: the picture has no background then
 
@@ -223,5 +238,13 @@ struct Scene {
     /// Throws InvalidInput where a number or a combination has no meaning.
     void validate() const;
 };
+
+/// Calls visit(name, which modes use it, member) for every option.
+template <class AnyScene, class Visit>
+void for_each_option(AnyScene& scene, const Visit& visit) {
+#define SHEETSPLAT_VISIT_OPTION(type, name, value, applies) visit(#name, Applies::applies, scene.name);
+    SHEETSPLAT_SCENE_OPTIONS(SHEETSPLAT_VISIT_OPTION)
+#undef SHEETSPLAT_VISIT_OPTION
+}
 
 } // namespace sheetsplat

@@ -96,7 +96,7 @@ void clear_picture(const Job& job, const LoopSetup<T>& setup, const TileShape& s
     const DrawPlan& plan = *job.plan;
     const bool scalar = is_scalar(plan.mode);
     const std::size_t elements = shape.picture_elements();
-    const bool counts = plan.mode == Mode::average;
+    const bool counts = traits_of(plan.mode).mean;
     const std::size_t planes = (scalar ? 1U : 4U) + (counts ? 1U : 0U) + (plan.depth ? 1U : 0U) +
                                (plan.coverage ? 1U : 0U) + (plan.depth_limit ? 1U : 0U) + (plan.owned ? 2U : 0U);
     scratch.picture.assign(planes * elements, T(0));
@@ -133,10 +133,8 @@ void clear_picture(const Job& job, const LoopSetup<T>& setup, const TileShape& s
     if (picture.depth != nullptr) {
         fill_infinite(picture.depth);
     }
-    if (plan.mode == Mode::minimum || plan.mode == Mode::mip) {
-        // What any number replaces.
-        const T least = std::numeric_limits<T>::infinity();
-        std::fill(picture.scalar, picture.scalar + elements, plan.mode == Mode::minimum ? least : -least);
+    if (is_extreme(plan.mode)) {
+        std::fill(picture.scalar, picture.scalar + elements, static_cast<T>(start_of(plan.mode)));
     }
     std::fill(std::begin(picture.doubts), std::end(picture.doubts), T(0));
     scratch.row_alive.assign(static_cast<std::size_t>(shape.height), shape.width);
@@ -152,9 +150,8 @@ template <class T>
 void finish_scalars(const DrawPlan& plan, const TileShape& shape, TilePicture<T>& picture) {
     const std::size_t elements = shape.picture_elements();
     const T none = std::numeric_limits<T>::quiet_NaN();
-    if (plan.mode == Mode::minimum || plan.mode == Mode::mip) {
-        const T least = std::numeric_limits<T>::infinity();
-        std::replace(picture.scalar, picture.scalar + elements, plan.mode == Mode::minimum ? least : -least, none);
+    if (is_extreme(plan.mode)) {
+        std::replace(picture.scalar, picture.scalar + elements, static_cast<T>(start_of(plan.mode)), none);
     }
     for (std::size_t at = 0; at < elements && picture.counted != nullptr; ++at) {
         picture.scalar[at] = picture.counted[at] > T(0) ? picture.scalar[at] / picture.counted[at] : none;
@@ -331,7 +328,7 @@ struct CpuRenderer::State {
         const auto preparing = Clock::now();
         const RegularPart& part = job.regular.front();
         const std::shared_ptr<const Field>& field = job.scene->fields[part.field];
-        const double wanted = job.plan->mode == Mode::minimum ? 1.0 : -1.0;
+        const double wanted = sign_of_extreme(job.plan->mode);
         const bool filled = ExtremeBlocks::filled(*job.scene);
         const bool reused = extremes_field == field && extremes_sign == wanted && extremes_filled == filled;
         if (!reused) {

@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "backend_cpu/number.hpp"
 #include "effect_row-inl.hpp"
 #include "hwy/highway.h"
 #include "light-inl.hpp"
@@ -41,7 +42,7 @@ HWY_INLINE Normal<typename Slab<T>::D> gradient_at(const Slab<T>& slab, const Gr
     doubt = hn::Set(d, slab.shading.gradient_doubt);
     if constexpr (between) {
         const auto back = of(1), against = mix(d, front, back, share);
-        if (slab.shading.mode == Mode::isosurface) {
+        if (shows_surfaces(slab.shading.mode)) {
             doubt = hn::Add(doubt, moved_gradient(d, slab, front, back, against, scale.weakest, x, y, seen));
         }
         return against;
@@ -143,18 +144,18 @@ HWY_NOINLINE void cue(const Slab<T>& slab, EffectRow<T>& row) {
     using V = typename Slab<T>::V;
     const typename Slab<T>::D d;
     const Shading<T>& shading = slab.shading;
+    const ShadingInputs& inputs = shading.inputs;
     const auto share_of = [](double share) { return static_cast<T>(std::clamp(share, -1e30, 1e30)); };
-    const V at_slice = hn::Set(d, share_of((slab.depth() - shading.cue_start) * shading.cue_per_depth));
-    const V per_slice = hn::Set(d, share_of(shading.slice_spacing * shading.cue_per_depth));
-    const V strength = hn::Set(d, shading.cue_strength), zero = hn::Zero(d), one = hn::Set(d, T(1));
+    const V at_slice = hn::Set(d, share_of((slab.depth() - inputs.cue_start) * inputs.cue_per_depth));
+    const V per_slice = hn::Set(d, share_of(shading.slice_spacing * inputs.cue_per_depth));
+    const V strength = hn::Set(d, static_cast<T>(inputs.cue_strength)), zero = hn::Zero(d), one = hn::Set(d, T(1));
+    const T to[] = {number<T>(inputs.cue_color.x), number<T>(inputs.cue_color.y), number<T>(inputs.cue_color.z)};
     row.for_each(row.alpha, [&](int, int number, auto) {
         const V way = hn::MulAdd(hn::Load(d, row.share + number), per_slice, at_slice);
         const V share = hn::Mul(hn::Min(hn::Max(way, zero), one), strength);
         const auto color = row.color(d, number);
-        const auto towards = [&](V from, T to) { return hn::MulAdd(share, hn::Sub(hn::Set(d, to), from), from); };
-        row.set_color(d, number,
-                      {towards(color.red, shading.cue_color[0]), towards(color.green, shading.cue_color[1]),
-                       towards(color.blue, shading.cue_color[2])});
+        const auto towards = [&](V from, T end) { return hn::MulAdd(share, hn::Sub(hn::Set(d, end), from), from); };
+        row.set_color(d, number, {towards(color.red, to[0]), towards(color.green, to[1]), towards(color.blue, to[2])});
     });
 }
 

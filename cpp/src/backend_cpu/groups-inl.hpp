@@ -175,7 +175,7 @@ HWY_NOINLINE void sum_groups(const Slab<T>& first) {
                 const auto inside = slab.within(d, visible, x, own[group]);
                 const V value = hn::Add(slab.rho(d, 1, y, x), hn::Set(d, slab.group.base));
                 sum = hn::Add(sum, hn::IfThenElseZero(inside, value));
-                const auto reached = shading.mode == Mode::xray
+                const auto reached = !counts_weighted_slices(shading.mode)
                                          ? inside
                                          : slab.weighs(d, hn::LoadU(d, slab.sheets.weight[0] + slab.in_sheet(y) + x));
                 counts = hn::Or(counts, hn::And(inside, reached));
@@ -186,16 +186,14 @@ HWY_NOINLINE void sum_groups(const Slab<T>& first) {
             const std::ptrdiff_t at = first.in_plane(y) + x;
             const V value = hn::Mul(sum, step), so_far = hn::LoadU(d, first.picture.scalar + at);
             V result = so_far;
-            if (shading.mode == Mode::mip) {
-                result = hn::Max(so_far, value);
-            } else if (shading.mode == Mode::minimum) {
-                result = hn::Min(so_far, value);
+            if (is_extreme(shading.mode)) {
+                result = extreme(shading.mode, so_far, value);
             } else {
-                const bool slanted = shading.mode == Mode::xray && shading.perspective;
+                const bool slanted = traits_of(shading.mode).integrates && shading.perspective;
                 result = hn::MulAdd(value, slanted ? first.ray(d, x, y).slant : one, so_far);
             }
             hn::StoreU(hn::IfThenElse(counts, result, so_far), d, first.picture.scalar + at);
-            if (shading.mode == Mode::average) {
+            if (traits_of(shading.mode).mean) {
                 T* count = first.picture.counted + at;
                 hn::StoreU(hn::Add(hn::LoadU(d, count), hn::IfThenElseZero(counts, one)), d, count);
             }

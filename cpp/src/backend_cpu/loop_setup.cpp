@@ -73,11 +73,11 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     setup.slab = plan.sampling == Sampling::slab;
     setup.perspective = frame.projection == Projection::perspective;
     setup.intervals = uses_intervals(plan.mode, plan.preintegration);
-    setup.stops = (plan.stop || plan.mode == Mode::isosurface || plan.depth_limit) && !plan.coverage;
+    setup.stops = (plan.stop || shows_surfaces(plan.mode) || plan.depth_limit) && !plan.coverage;
     // (A pixel that ends looks at each slice.)
     const bool filled = job.scene->counted && job.scene->counted->filled;
     setup.sums_slices =
-        (plan.mode == Mode::xray || (plan.mode == Mode::average && by_place && (filled || !plan.clip))) &&
+        (traits_of(plan.mode).integrates || (traits_of(plan.mode).mean && by_place && (filled || !plan.clip))) &&
         adds_all_fields(*job.scene) && !plan.owned && !setup.stops && !plan.coverage && !setup.slab &&
         !setup.perspective;
     setup.slices = frame.slices;

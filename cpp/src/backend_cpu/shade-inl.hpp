@@ -37,7 +37,7 @@ template <class T>
 HWY_NOINLINE void shade_groups(const Slab<T>& slab) {
     by_projection(slab.shading, [&](auto perspective) {
         constexpr bool in_perspective = decltype(perspective)::value;
-        if (slab.shading.mode == Mode::isosurface) {
+        if (shows_surfaces(slab.shading.mode)) {
             find_all_crossings<in_perspective>(slab);
         } else {
             mix_groups<in_perspective>(slab);
@@ -58,7 +58,7 @@ HWY_NOINLINE void shade_group(const Slab<T>& slab, bool straight) {
             }
         });
     };
-    if (shading.mode == Mode::isosurface) {
+    if (shows_surfaces(shading.mode)) {
         shade(Crossings<T>(slab));
     } else if (shading.second_order) {
         by_projection(shading, [&](auto perspective) {
@@ -95,11 +95,11 @@ HWY_INLINE void shade_slab(const Shading<T>& shading, const TileShape& shape, co
     }
     if (is_scalar(shading.mode) && groups > 1) {
         sum_groups(slab);
-    } else if (shading.mode == Mode::xray) {
+    } else if (traits_of(shading.mode).integrates) {
         add(slab, window.rho[1], shading.scalar_step, picture.scalar, false);
-    } else if (shading.mode == Mode::mip || shading.mode == Mode::minimum) {
+    } else if (is_extreme(shading.mode)) {
         cuts ? find_extreme<true>(slab) : find_extreme<false>(slab);
-    } else if (shading.mode == Mode::average) {
+    } else if (traits_of(shading.mode).mean) {
         cuts ? add_counted<true>(slab) : add_counted<false>(slab);
     } else if (groups > 1 || shading.several_surfaces) {
         shade_groups(slab);

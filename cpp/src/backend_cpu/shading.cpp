@@ -20,7 +20,7 @@ template <class T>
 GroupShading<T> group_of(const TransferFunction& function, const ShadingInputs::OfGroup& inputs, const DrawPlan& plan,
                          double value_unit) {
     GroupShading<T> group;
-    if (plan.mode == Mode::composite) {
+    if (is_composited(plan.mode)) {
         group.transfer = make_transfer_table<T>(function, value_unit);
         if (plan.preintegration) {
             group.ramps = make_ramp_table<T>(function, value_unit);
@@ -151,12 +151,7 @@ void add_effects(const Scene& scene, const Camera& camera, const Frame& frame, c
     shading.analytic_gradient = plan.analytic_gradient && plan.gradient;
     shading.gradient_opacity = plan.gradient_opacity;
     shading.depth_cue = plan.depth_cue;
-    shading.cue_start = inputs.cue_start;
-    shading.cue_per_depth = inputs.cue_per_depth;
-    shading.cue_strength = static_cast<T>(inputs.cue_strength);
-    for (int c = 0; c < 3; ++c) {
-        shading.cue_color[c] = number<T>(inputs.cue_color[c]);
-    }
+    shading.inputs = inputs;
     const bool by_surfaces = volumes != nullptr && !volumes->groups.empty();
     if (by_surfaces) {
         shading.surface_light = surface_light_of<T>(scene, camera, frame, plan, *volumes);
@@ -198,7 +193,7 @@ Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& f
     }
     // (All groups have the same surfaces, in colours of their own.)
     const std::vector<ShadingSurface<T>>& surfaces = shading.groups.front().surfaces;
-    const bool surface = plan.mode == Mode::isosurface;
+    const bool surface = shows_surfaces(plan.mode);
     shading.several_surfaces = surface && (groups.size() > 1 || surfaces.size() != 1 || !all_opaque(surfaces));
     // Of opaque isosurfaces every pixel that has one is opaque.
     shading.stop = surface && all_opaque(surfaces) ? T(0.5) : static_cast<T>(inputs.opacity_stop);

@@ -17,6 +17,7 @@
 #include "light-inl.hpp"
 #include "math-inl.hpp"
 #include "reach-inl.hpp"
+#include "scene/mode_rules.hpp"
 #include "transfer-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
@@ -308,6 +309,12 @@ HWY_INLINE V crossing(D d, V front, V back, V iso, hn::Mask<D> found) {
     const V step = hn::IfThenElse(found, hn::Sub(back, front), one);
     const V way = hn::IfThenElseZero(found, hn::Sub(iso, front));
     return hn::Min(hn::Max(hn::Div(way, step), zero), one);
+}
+
+/// The number of two that a mode shows.
+template <class V>
+HWY_INLINE V extreme(Mode mode, V a, V b) {
+    return traits_of(mode).fold == Fold::largest ? hn::Max(a, b) : hn::Min(a, b);
 }
 
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE

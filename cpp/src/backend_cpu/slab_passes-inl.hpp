@@ -84,13 +84,11 @@ HWY_NOINLINE void find_extreme(const Slab<T>& slab) {
     using M = typename Slab<T>::M;
     const typename Slab<T>::D d;
     const V step = hn::Set(d, slab.shading.scalar_step);
-    const bool largest = slab.shading.mode == Mode::mip;
     for_each_reached<cuts>(slab, [&](int x, int y, M reached) {
         T* to = slab.picture.scalar + slab.in_plane(y) + x;
         const V found = hn::LoadU(d, to);
         const V value = hn::Mul(slab.rho(d, 1, y, x), step);
-        const V either = largest ? hn::Max(found, value) : hn::Min(found, value);
-        hn::StoreU(hn::IfThenElse(reached, either, found), d, to);
+        hn::StoreU(hn::IfThenElse(reached, extreme(slab.shading.mode, found, value), found), d, to);
     });
 }
 

@@ -114,7 +114,7 @@ void Picture::draw() {
 }
 
 void Picture::upload() {
-    if (plan_.mode == Mode::composite) {
+    if (is_composited(plan_.mode)) {
         const std::vector<double> pivots = group_pivots(plan_, *job_.scene);
         std::vector<Classification::Part> parts;
         for (const Group& group : groups_drawn(*job_.scene)) {
@@ -161,7 +161,7 @@ const Targets& Picture::draw_tile(const Tile& tile, std::size_t number, std::siz
         return *targets;
     }
     const TileScope scope(job_, context_.api(), context_.capabilities(), resources_, hooks_, tile);
-    TileLoop loop(scope, plan_.mode == Mode::composite ? &classification_ : nullptr);
+    TileLoop loop(scope, is_composited(plan_.mode) ? &classification_ : nullptr);
     loop.run(report);
     drawn_ += loop.splatting().drawn;
     shaded_ += loop.shaded();
@@ -199,7 +199,7 @@ void Picture::read_counted(const Targets& targets, const Tile& tile, double scal
     std::vector<float> sums(4 * pixels);
     targets.read(0, Tile::border, Tile::border, tile.width, tile.height, GL_RGBA, sums.data());
     buffer_.resize(pixels);
-    const bool mean = plan_.mode == Mode::average;
+    const bool mean = traits_of(plan_.mode).mean;
     for (std::size_t pixel = 0; pixel < pixels; ++pixel) {
         const auto count = static_cast<double>(sums[4 * pixel + (mean ? 2 : 1)]);
         const double number = static_cast<double>(sums[4 * pixel]) * scale / (mean ? count : 1.0);

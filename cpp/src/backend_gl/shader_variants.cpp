@@ -180,7 +180,7 @@ ShadedParts shaded_parts(const Scene& scene) {
         return group.last - group.first == 1 && scene.fields[group.first]->least_weight() > 0.0;
     });
     parts.ends = scene.counted && !scene.counted->ends.empty();
-    if (scene.mode == Mode::isosurface) {
+    if (shows_surfaces(scene.mode)) {
         const bool plain = parts.groups == 1 && scene.iso_values.size() == 1 && scene.iso_values.front().opacity == 1.0;
         parts.surfaces = plain ? 0 : parts.groups * scene.iso_values.size();
     }
@@ -188,7 +188,7 @@ ShadedParts shaded_parts(const Scene& scene) {
 }
 
 LineCounts line_counts(const DrawPlan& plan, const Scene& scene) {
-    if (plan.mode != Mode::isosurface || !(plan.shadows || plan.ambient_occlusion)) {
+    if (!shows_surfaces(plan.mode) || !(plan.shadows || plan.ambient_occlusion)) {
         return {};
     }
     const auto shown = std::count_if(scene.iso_values.begin(), scene.iso_values.end(),
@@ -210,10 +210,10 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
         defines["PHASE"] = std::to_string(phase);
     }
     const std::array<std::pair<const char*, bool>, 34> switches{{
-        {"CLASSIFY", plan.mode == Mode::composite},
-        {"MODE_ISOSURFACE", plan.mode == Mode::isosurface},
-        {"MODE_XRAY", plan.mode == Mode::xray},
-        {"MODE_AVERAGE", plan.mode == Mode::average},
+        {"CLASSIFY", is_composited(plan.mode)},
+        {"MODE_ISOSURFACE", shows_surfaces(plan.mode)},
+        {"MODE_XRAY", traits_of(plan.mode).integrates},
+        {"MODE_AVERAGE", traits_of(plan.mode).mean},
         {"WEIGHT", plan.weight},
         {"LEAST_WEIGHT", plan.weight && parts.least_weights},
         {"THRESHOLD", plan.threshold},
@@ -246,9 +246,9 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
         {"DOUBT", plan.lit_rounding > 0.0},
     }};
     define(switches, defines);
-    if (plan.mode == Mode::mip || plan.mode == Mode::minimum) {
-        // The function that makes one number of two.
-        defines["MODE_EXTREME"] = plan.mode == Mode::mip ? "max" : "min";
+    if (is_extreme(plan.mode)) {
+        // What makes one number of two.
+        defines["MODE_EXTREME(a, b)"] = traits_of(plan.mode).fold == Fold::largest ? "max(a, b)" : "min(a, b)";
     }
     if (parts.groups > 1) {
         defines["GROUPS"] = std::to_string(parts.groups);

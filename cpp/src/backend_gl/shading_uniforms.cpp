@@ -93,7 +93,7 @@ void set_shading(const gl::Program& program, const TileScope& scope, const Shadi
     program.set("opacity_stop", f(inputs.opacity_stop));
     if (plan.shadows || plan.ambient_occlusion) {
         scope.resources.light().bind(program, *scope.job.camera, scope.frame, first_slab);
-        if (plan.mode == Mode::isosurface) {
+        if (shows_surfaces(plan.mode)) {
             scope.resources.light().set_lines(program, *scope.job.scene, *scope.job.camera, scope.frame.slice_spacing,
                                               plan.value_unit);
         }
@@ -115,7 +115,7 @@ void set_shading(const gl::Program& program, const TileScope& scope, const Shadi
             program.set(name_in(inputs, "base", group), f(inputs.groups[group].base));
         }
     }
-    if (plan.mode == Mode::isosurface) {
+    if (shows_surfaces(plan.mode)) {
         set_isosurface(program, inputs, shaded_parts(*scope.job.scene));
     }
     if (plan.gradient) {

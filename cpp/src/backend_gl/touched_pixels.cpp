@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "interop.h"
+#include "scene/mode_rules.hpp"
 
 namespace sheetsplat::backend_gl {
 
@@ -89,7 +90,7 @@ void TouchedPixels::eliminate() const {
     const gl::Program& program = scope_.resources.program({"rectangle.vert", "eliminate.frag", {}, {}});
     program.use();
     program.bind("image_texture", scope_.targets.image(), UNIT_IMAGE);
-    const bool ends_opaque = scope_.plan.mode == Mode::isosurface && !scope_.plan.stop;
+    const bool ends_opaque = shows_surfaces(scope_.plan.mode) && !scope_.plan.stop;
     program.set("opacity_stop", ends_opaque ? 1.0F : static_cast<float>(scope_.job.scene->opacity_stop));
     program.set("last_pixel", scope_.tile.width, scope_.tile.height);
     scope_.set_target_size(program);

@@ -4,12 +4,7 @@
 #include <cstdlib>
 #include <utility>
 
-#include "backend_cpu/cpu_renderer.hpp"
-#include "backend_gl/gl_renderer.hpp"
 #include "base/checks.hpp"
-#include "base/instruction_set.hpp"
-#include "base/threads.hpp"
-#include "sheetsplat/device.hpp"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat {
@@ -25,13 +20,18 @@ Backend requested_backend(Backend option) {
     if (name == nullptr || *name == '\0') {
         return option;
     }
-    for (const Backend backend : {Backend::automatic, Backend::gl, Backend::cpu, Backend::reference}) {
-        if (std::string(name) == to_string(backend)) {
-            return backend;
-        }
+    std::string wanted = to_string(Backend::automatic);
+    if (name == wanted) {
+        return Backend::automatic;
     }
-    throw InvalidInput(Complaint{"the backend cannot be chosen", std::string("SHEETSPLAT_BACKEND=") + name,
-                                 "auto, gl, cpu or reference", "correct the environment variable, or unset it"});
+    for (const BackendTraits& traits : backend_table) {
+        if (std::string(name) == traits.name) {
+            return traits.backend;
+        }
+        wanted += (&traits == &backend_table.back() ? " or " : ", ") + std::string(traits.name);
+    }
+    throw InvalidInput(Complaint{"the backend cannot be chosen", std::string("SHEETSPLAT_BACKEND=") + name, wanted,
+                                 "correct the environment variable, or unset it"});
 }
 
 /// What failed and why, without advice.
@@ -46,38 +46,29 @@ bool asks_for_a_way(const RendererOptions& options) {
 
 } // namespace
 
-int thread_count(int asked) { return asked > 0 ? asked : usable_threads(); }
-
-std::string describe_cpu(int threads) {
-    return instruction_set() + ", " + text_of_count(static_cast<std::uint64_t>(threads), "thread");
-}
-
 BackendChoice::BackendChoice(std::optional<int> device) : device_(device) {}
 BackendChoice::~BackendChoice() = default;
 
-backend_gl::GlRenderer& BackendChoice::gl() {
-    if (!gl_) {
-        gl_ = std::make_unique<backend_gl::GlRenderer>(device_);
+Painter& BackendChoice::painter(Backend backend) {
+    Place& at = place(backend);
+    if (!at.open) {
+        at.painter = make_painter(backend, {device_, processor_});
+        at.painter->open();
+        at.open = true;
     }
-    return *gl_;
+    return *at.painter;
 }
 
-bool BackendChoice::open_gl() {
-    if (!gl_ && !why_no_gl_) {
+bool BackendChoice::opens(Backend backend) {
+    Place& at = place(backend);
+    if (!at.open && !at.why_not) {
         try {
-            gl();
+            painter(backend);
         } catch (const DeviceUnavailable& error) {
-            why_no_gl_ = error.complaint();
+            at.why_not = error.complaint();
         }
     }
-    return gl_ != nullptr;
-}
-
-backend_cpu::CpuRenderer& BackendChoice::cpu() {
-    if (!cpu_) {
-        cpu_ = std::make_unique<backend_cpu::CpuRenderer>();
-    }
-    return *cpu_;
+    return at.open;
 }
 
 std::vector<Backend> BackendChoice::candidates(Backend asked) {
@@ -85,41 +76,59 @@ std::vector<Backend> BackendChoice::candidates(Backend asked) {
     if (backend != Backend::automatic) {
         return {backend};
     }
-    if (!open_gl()) {
-        return {Backend::cpu};
+    // The processor draws faster by itself than through a device's software; a caller who names a device wants that
+    // one.
+    std::vector<Backend> fast, exact, slow;
+    for (const BackendTraits& traits : backend_table) {
+        if (can(traits.backend, Ability::exact)) {
+            exact.push_back(traits.backend);
+        } else if (!can(traits.backend, Ability::defines) && opens(traits.backend)) {
+            const Capabilities* device = painter(traits.backend).capabilities();
+            const bool hardware = device == nullptr || !device->software || device_.has_value();
+            (hardware ? fast : slow).push_back(traits.backend);
+        }
     }
-    // The processor draws faster by itself than through OpenGL in software; a caller who names a device wants that one.
-    const bool hardware = !gl_->capabilities().software || device_.has_value();
-    return hardware ? std::vector<Backend>{Backend::gl, Backend::cpu} : std::vector<Backend>{Backend::cpu, Backend::gl};
+    fast.insert(fast.end(), exact.begin(), exact.end());
+    fast.insert(fast.end(), slow.begin(), slow.end());
+    return fast;
 }
 
-std::string BackendChoice::why_first() const {
-    if (!gl_) {
-        return "no OpenGL here: " + reason_of(*why_no_gl_).text();
+std::string BackendChoice::why_first() {
+    std::string all;
+    for (const BackendTraits& traits : backend_table) {
+        if (can(traits.backend, Ability::exact) || can(traits.backend, Ability::defines)) {
+            continue;
+        }
+        const std::string interface = traits.interface;
+        std::string why = device_ ? "a device was named" : interface + " here is hardware";
+        if (!opens(traits.backend)) {
+            why = "no " + interface + " here: " + reason_of(*place(traits.backend).why_not).text();
+        } else if (const Capabilities* device = painter(traits.backend).capabilities();
+                   !device_ && device != nullptr && device->software) {
+            why = interface + " here is software (" + device->renderer + ")";
+        }
+        all += (all.empty() ? "" : ", ") + why;
     }
-    if (device_.has_value()) {
-        return "a device was named";
-    }
-    return gl_->capabilities().software ? "OpenGL here is software (" + gl_->capabilities().renderer + ")"
-                                        : "OpenGL here is hardware";
+    return all;
 }
 
 DrawPlan BackendChoice::plan_on(Backend backend, const Request& request, const ViewFacts& facts) {
-    const Capabilities* capabilities = backend == Backend::gl ? &gl().capabilities() : nullptr;
+    const Painter& device = painter(backend);
     DrawPlan plan = make_plan(request.scene, facts, request.options, request.outputs, request.camera.projection(),
-                              backend, capabilities);
-    if (backend == Backend::cpu) {
-        plan.summary.device = describe_cpu(thread_count(request.options.threads));
+                              backend, device.capabilities());
+    const std::string description = device.description(request.options.threads);
+    if (!description.empty()) {
+        plan.summary.device = description;
     }
     return plan;
 }
 
 std::optional<DrawPlan> BackendChoice::try_plan(Backend backend, const Request& request, const ViewFacts& facts) {
-    if (backend == Backend::reference && asks_for_a_way(request.options)) {
+    if (can(backend, Ability::defines) && asks_for_a_way(request.options)) {
         return std::nullopt;
     }
     try {
-        return backend == Backend::gl && !open_gl() ? std::nullopt : std::optional(plan_on(backend, request, facts));
+        return !opens(backend) ? std::nullopt : std::optional(plan_on(backend, request, facts));
     } catch (const Unsupported&) {
         return std::nullopt;
     }
@@ -127,7 +136,13 @@ std::optional<DrawPlan> BackendChoice::try_plan(Backend backend, const Request& 
 
 Complaint BackendChoice::with_other_backend(Complaint complaint, Backend refused, const Request& request,
                                             const ViewFacts& facts) {
-    for (const Backend other : {Backend::cpu, Backend::gl, Backend::reference}) {
+    std::vector<Backend> others{backend_that(Ability::exact)};
+    for (const BackendTraits& traits : backend_table) {
+        if (traits.backend != others.front()) {
+            others.push_back(traits.backend);
+        }
+    }
+    for (const Backend other : others) {
         if (other != refused && try_plan(other, request, facts)) {
             complaint.advice += (complaint.advice.empty() ? "use " : ", or use ") +
                                 option_ref("backend", to_string(other)) + ", which draws it";
@@ -143,12 +158,15 @@ DrawPlan BackendChoice::choose_plan(const Request& request, const ViewFacts& fac
         try {
             return plan_on(backends.front(), request, facts);
         } catch (const Unsupported& error) {
-            // What a device cannot draw within the bound the processor draws, unless its ways were asked for.
-            const bool hands_over = backends.front() == Backend::gl && !asks_for_a_way(request.options) &&
+            // What a device cannot draw within the bound the exact backend draws, unless its ways were asked for.
+            const bool hands_over = !can(backends.front(), Ability::exact) &&
+                                    !can(backends.front(), Ability::defines) && !asks_for_a_way(request.options) &&
                                     request.options.precision == Precision::automatic;
-            std::optional<DrawPlan> plan = hands_over ? try_plan(Backend::cpu, request, facts) : std::nullopt;
+            std::optional<DrawPlan> plan =
+                hands_over ? try_plan(backend_that(Ability::exact), request, facts) : std::nullopt;
             if (plan) {
-                plan->summary.device += "; for backend gl: " + reason_of(error.complaint()).text();
+                plan->summary.device += std::string("; for backend ") + to_string(backends.front()) + ": " +
+                                        reason_of(error.complaint()).text();
                 return *std::move(plan);
             }
             throw Unsupported(with_other_backend(error.complaint(), backends.front(), request, facts));
@@ -167,27 +185,16 @@ DrawPlan BackendChoice::choose_plan(const Request& request, const ViewFacts& fac
         }
     }
     // Slow, but right: what others would lose to rounding or have no room for.
-    if (std::optional<DrawPlan> plan = try_plan(Backend::reference, request, facts)) {
+    if (std::optional<DrawPlan> plan = try_plan(backend_that(Ability::defines), request, facts)) {
         plan->summary.device += "; auto: " + reasons.text();
         return *std::move(plan);
     }
-    throw Unsupported(Complaint{"no backend can draw this scene within its error bound",
-                                refusals + (why_no_gl_ ? "; no OpenGL: " + why_no_gl_->words() : Words())});
-}
-
-std::vector<DeviceReport> devices() {
-    DeviceReport reference;
-    reference.backend = "reference";
-    reference.available = true;
-    reference.description = "float64 on one thread: defines the picture";
-    DeviceReport processor;
-    processor.backend = "cpu";
-    processor.available = true;
-    processor.description = describe_cpu(thread_count(0));
-    processor.extensions = instruction_sets();
-    std::vector<DeviceReport> reports = backend_gl::survey();
-    reports.insert(reports.begin(), {reference, processor});
-    return reports;
+    for (const BackendTraits& traits : backend_table) {
+        if (const std::optional<Complaint>& why = place(traits.backend).why_not) {
+            refusals += std::string("; no ") + traits.interface + ": " + why->words();
+        }
+    }
+    throw Unsupported(Complaint{"no backend can draw this scene within its error bound", refusals});
 }
 
 } // namespace sheetsplat

@@ -1,13 +1,14 @@
 // Which backend draws a scene, and the devices behind the backends.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
-#include "draw.hpp"
 #include "facts/view_facts.hpp"
+#include "painters.hpp"
 #include "plan/make_plan.hpp"
 #include "sheetsplat/error.hpp"
 
@@ -30,15 +31,21 @@ class BackendChoice {
     /// candidates.
     DrawPlan choose_plan(const Request& request, const ViewFacts& facts);
 
-    /// Throws DeviceUnavailable.
-    backend_gl::GlRenderer& gl();
-    backend_cpu::CpuRenderer& cpu();
+    /// The device of a backend, open. Throws DeviceUnavailable.
+    Painter& painter(Backend backend);
+    backend_cpu::CpuRenderer& processor() { return processor_; }
 
   private:
-    /// Whether OpenGL is there.
-    bool open_gl();
+    struct Place {
+        std::unique_ptr<Painter> painter;
+        bool open = false;
+        std::optional<Complaint> why_not; ///< none where it was not tried yet, or is there
+    };
+    [[nodiscard]] Place& place(Backend backend) { return places_[index_of(backend)]; }
+    /// Whether a backend's device is there.
+    bool opens(Backend backend);
     /// Why `auto` tries the backend that it tries first.
-    [[nodiscard]] std::string why_first() const;
+    [[nodiscard]] std::string why_first();
     /// None where the backend refuses the scene, or is not there.
     std::optional<DrawPlan> try_plan(Backend backend, const Request& request, const ViewFacts& facts);
     /// What a backend refused, with the advice to use another one that draws the scene, where there is one.
@@ -46,14 +53,8 @@ class BackendChoice {
     DrawPlan plan_on(Backend backend, const Request& request, const ViewFacts& facts);
 
     std::optional<int> device_;
-    std::unique_ptr<backend_gl::GlRenderer> gl_;
-    std::optional<Complaint> why_no_gl_; ///< none where it was not tried yet, or is there
-    std::unique_ptr<backend_cpu::CpuRenderer> cpu_;
+    backend_cpu::CpuRenderer processor_;
+    std::array<Place, backend_table.size()> places_;
 };
-
-/// Threads that backend cpu draws with. asked: RendererOptions::threads.
-int thread_count(int asked);
-/// What backend cpu draws with, in words: its instruction set and threads.
-std::string describe_cpu(int threads);
 
 } // namespace sheetsplat

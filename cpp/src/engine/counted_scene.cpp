@@ -115,14 +115,14 @@ std::string CountedFields::why_shown(const Scene& scene, const Camera& camera, S
         }
         const auto [low, high] = range->second;
         if (is_scalar(scene.mode)) {
-            if (scene.mode == Mode::xray && lattice.base() == 0.0 && low == 0.0 && high == 0.0) {
+            if (traits_of(scene.mode).integrates && lattice.base() == 0.0 && low == 0.0 && high == 0.0) {
                 continue;
             }
             return "the mode counts or sums what lies inside the volume";
         }
         VisibilityQuery query;
         query.transfer_function = group.transfer_function;
-        query.isosurface = scene.mode == Mode::isosurface;
+        query.isosurface = shows_surfaces(scene.mode);
         query.cubic = scene.second_order;
         for (const IsoValue& iso : iso_values_of(scene, own)) {
             query.iso_values.push_back(iso.value);
@@ -223,7 +223,7 @@ Scene CountedFields::counted(const Scene& scene, const Camera& camera, Size size
                                                              [](double base) { return base == 0.0; });
     const bool thin = std::any_of(drawn.fields.begin(), drawn.fields.end(),
                                   [](const auto& field) { return field->least_weight() > 0.0; });
-    if (scene.mode == Mode::xray && (!sums_all || thin)) {
+    if (traits_of(scene.mode).integrates && (!sums_all || thin)) {
         drawn.mode = Mode::average;
         counted.counts = true;
     }

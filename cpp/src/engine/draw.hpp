@@ -7,7 +7,6 @@
 #include "backend_cpu/cpu_renderer.hpp"
 #include "cost_model.hpp"
 #include "field_index.hpp"
-#include "plan/filtered_lattices.hpp"
 #include "plan/make_plan.hpp"
 #include "probe.hpp"
 #include "sheetsplat/image.hpp"
@@ -18,9 +17,6 @@
 
 namespace sheetsplat {
 
-namespace backend_gl {
-class GlRenderer;
-}
 
 /// A requested picture, and the options that it is drawn with.
 struct Request {
@@ -64,7 +60,7 @@ struct Indexed {
 inline Filter filter_of(const DrawPlan& plan) { return plan.filter ? Filter::ewa : Filter::none; }
 /// Whether the kernels of lattices are drawn as those of lattices, and not one by one.
 inline bool keeps_lattices(const DrawPlan& plan) {
-    return !plan.filter || filtered_lattices_stay(plan.summary.backend);
+    return !plan.filter || can(plan.summary.backend, Ability::filters_lattices);
 }
 
 /// How the scattered kernels of a picture look to a camera, in the order of Indexed::grids. Refers to its arguments.
@@ -75,13 +71,5 @@ std::vector<EllipsoidView> views_of(const Indexed& indexed, const DrawPlan& plan
 backend_cpu::Job cpu_job(const Request& request, const Prepared& prepared, const Indexed& indexed,
                          const std::vector<FieldView>& lattices, const std::vector<EllipsoidView>& scattered,
                          const Camera& camera, const Frame& frame, const DrawPlan& plan);
-
-/// Each fills the picture, and its stats: kernels_drawn, bytes_view and bytes_device (not the reference), seconds_draw.
-void draw_on_reference(const Request& request, Image& image);
-/// doubts: as backend_gl::Job has them.
-void draw_on_gl(backend_gl::GlRenderer& renderer, const Request& request, const Prepared& prepared,
-                const Indexed& indexed, Image& image, std::vector<float>& doubts);
-void draw_on_cpu(backend_cpu::CpuRenderer& renderer, const Request& request, const Prepared& prepared,
-                 const Indexed& indexed, Image& image);
 
 } // namespace sheetsplat

@@ -24,7 +24,7 @@ constexpr double smooth_share = 0.75;
 /// Composites of single slices, pictures at steps, sums and means along rays.
 constexpr double plain_share = 1.0;
 double richardson_share(Mode mode, bool preintegration) {
-    const bool plain = mode == Mode::xray || mode == Mode::average || (mode == Mode::composite && !preintegration);
+    const bool plain = adds_slices(mode) || (is_composited(mode) && !preintegration);
     return plain ? plain_share : smooth_share;
 }
 
@@ -178,7 +178,7 @@ ErrorEstimate Renderer::State::estimate_error(const Image& image, const Scene& s
     };
 
     // The reference sums light along each ray: against volumes its own pictures would seem to be wrong.
-    bool exact = image.plan->backend != Backend::reference || !(scene.shadows || scene.ambient_occlusion);
+    bool exact = !can(image.plan->backend, Ability::defines) || !(scene.shadows || scene.ambient_occlusion);
     Image finer;
     try {
         finer = draw(halved, exact);

@@ -124,7 +124,7 @@ VisibilityQuery query_of(std::size_t number, const Scene& scene, const DrawPlan&
     query.reach_matters = reach_decides(plan);
     // Where W > 0 decides, kernels without weight may not be drawn at all.
     query.cull = (plan.culling && !plan.coverage) || counts_weighted_slices(plan.mode);
-    query.isosurface = plan.mode == Mode::isosurface;
+    query.isosurface = shows_surfaces(plan.mode);
     for (const IsoValue& iso : iso_values_of(scene, query.isosurface ? group_drawn_of(scene, number) : 0)) {
         if (iso.opacity > 0.0) {
             query.iso_values.push_back(iso.value);
@@ -136,7 +136,7 @@ VisibilityQuery query_of(std::size_t number, const Scene& scene, const DrawPlan&
     if (plan.gradient) {
         query.reach_world += std::max(frame.largest_pixel(), frame.slice_spacing * slant);
     }
-    if (plan.mode == Mode::isosurface && (plan.shadows || plan.ambient_occlusion)) {
+    if (shows_surfaces(plan.mode) && (plan.shadows || plan.ambient_occlusion)) {
         query.reach_world = std::max(query.reach_world, around_surfaces * frame.slice_spacing);
     }
     if (plan.filter) {
@@ -247,7 +247,8 @@ const GridEntry& FieldIndex::grid_of(std::size_t number, const Scene& scene, con
         grids_.push_back(std::move(made));
         entry = grids_.back().get();
     }
-    if (plan.summary.backend == Backend::gl && !entry->starts && entry->kernels->size() <= most_start_cells) {
+    if (can(plan.summary.backend, Ability::start_cells) && !entry->starts &&
+        entry->kernels->size() <= most_start_cells) {
         entry->starts = std::make_unique<StartCells>(StartCells::of(*entry->kernels, entry->grid));
     }
     VisibilityQuery query = query_of(number, scene, plan, frame);

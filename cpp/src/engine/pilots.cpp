@@ -40,7 +40,8 @@ Renderer::State::Pilots::Pilots(State& state, const Request& request, const Sett
     projection_ = request.camera.projection();
     work_ = prepared.work;
     precision_ = prepared.plan.precision;
-    if (part != Part::whole && backend_ != Backend::gl) {
+    const Backend drawing = slow() ? backend_that(Ability::exact) : backend_;
+    if (part != Part::whole && can(drawing, Ability::tiles)) {
         const double pixels = static_cast<double>(request.size.width) * static_cast<double>(request.size.height);
         larger = static_cast<int>(std::ceil(std::sqrt(std::max(1.0, pixels / most_excerpted))));
         size_ = coarse_size(request.size, larger);
@@ -127,7 +128,7 @@ void Renderer::State::Pilots::find_pace() {
 
 double Renderer::State::Pilots::of_model(const Settings& settings) {
     const Scene& scene = request_.scene;
-    if ((!scene.shadows && !scene.ambient_occlusion) || backend_ == Backend::reference) {
+    if ((!scene.shadows && !scene.ambient_occlusion) || slow()) {
         return 0.0;
     }
     const double spacing = settings.slice_spacing;
@@ -150,9 +151,7 @@ double Renderer::State::Pilots::of_model(const Settings& settings) {
 }
 
 Image Renderer::State::Pilots::draw(const Settings& settings, bool exact) {
-    // The reference would take minutes; backend cpu in float64 gives the same estimate.
-    const bool slow = backend_ == Backend::reference;
-    RendererOptions options = exact || slow ? exact_options(request_.options) : request_.options;
+    RendererOptions options = exact || slow() ? exact_options(request_.options) : request_.options;
     if (settings.precision != Precision::automatic) {
         options.precision = settings.precision;
     }

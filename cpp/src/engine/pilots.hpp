@@ -12,7 +12,7 @@ namespace sheetsplat {
 /// Draws pilots with a renderer's state, which must outlive it, as must the request.
 class Renderer::State::Pilots : public Judge {
   public:
-    /// What pilots show of a large picture where backend cpu draws them: other tiles for the search and for a check. By
+    /// What pilots show of a large picture where a backend draws tiles alone: others for the search and for a check. By
     /// the other backends, and of small pictures, they show all.
     enum class Part { whole, searched, checked };
 
@@ -38,6 +38,8 @@ class Renderer::State::Pilots : public Judge {
 
   private:
     [[nodiscard]] const Excerpt* excerpt() const { return excerpt_ ? &*excerpt_ : nullptr; }
+    /// The backend would take minutes; the exact one gives the same estimate.
+    [[nodiscard]] bool slow() const { return can(backend_, Ability::defines); }
     /// exact: in float64.
     Image draw(const Settings& settings, bool exact);
     /// The picture that pilots of a slice spacing are compared with.

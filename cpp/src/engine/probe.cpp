@@ -115,7 +115,7 @@ void copy_tiles(const Image& from, const Excerpt& excerpt, Size size, Image& to)
 
 RendererOptions exact_options(const RendererOptions& options) {
     RendererOptions exact;
-    exact.backend = Backend::cpu;
+    exact.backend = backend_that(Ability::exact);
     exact.precision = Precision::float64;
     exact.allow_inexact = true;
     exact.threads = options.threads;

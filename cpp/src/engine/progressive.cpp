@@ -191,7 +191,7 @@ struct Stages::State {
     }
 
     [[nodiscard]] double order_of(double newer) const {
-        if (scene.mode == Mode::xray) {
+        if (traits_of(scene.mode).integrates) {
             return smooth_order;
         }
         return difference > 0.0 && newer > 0.0 ? std::clamp(std::log2(difference / newer), lowest_order, highest_order)

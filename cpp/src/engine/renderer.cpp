@@ -75,7 +75,7 @@ void leave_blank(const Request& request, const Prepared& prepared, Image& image)
     const std::size_t pixels =
         static_cast<std::size_t>(request.size.width) * static_cast<std::size_t>(request.size.height);
     if (is_scalar(request.scene.mode)) {
-        const float none = request.scene.mode == Mode::xray ? 0.0F : std::numeric_limits<float>::quiet_NaN();
+        const float none = counts_weighted_slices(request.scene.mode) ? std::numeric_limits<float>::quiet_NaN() : 0.0F;
         image.scalar.assign(pixels, none);
     } else {
         image.rgba.assign(4 * pixels, 0.0F);
@@ -240,12 +240,13 @@ void Renderer::State::draw(const Request& asked, const Prepared& prepared, const
     }
     if (prepared.plan.blank) {
         leave_blank(request, prepared, image);
-    } else if (prepared.plan.summary.backend == Backend::gl) {
-        std::vector<float> doubts;
-        draw_on_gl(backends_.gl(), request, prepared, indexed, image, doubts);
-        draw_doubtful(asked, prepared, doubts, image);
     } else {
-        draw_on_cpu(backends_.cpu(), request, prepared, indexed, image);
+        const Backend backend = prepared.plan.summary.backend;
+        std::vector<float> doubts;
+        backends_.painter(backend).draw(request, prepared, indexed, image, doubts);
+        if (!can(backend, Ability::exact)) {
+            draw_doubtful(asked, prepared, doubts, image);
+        }
     }
     if (request.scene.background && !request.scene.part && !is_scalar(request.scene.mode)) {
         put_background(image.rgba, *request.scene.background);
@@ -266,7 +267,7 @@ void Renderer::State::draw_doubtful(const Request& asked, const Prepared& prepar
         return;
     }
     RendererOptions options = asked.options;
-    options.backend = Backend::cpu;
+    options.backend = backend_that(Ability::exact);
     options.packing = Packing::automatic;
     options.tagging = Tagging::automatic;
     options.precision = Precision::automatic;
@@ -288,7 +289,7 @@ LightVolumes Renderer::State::light_volumes(const Request& request, const Prepar
         versions.push_back(entry->version);
     }
     return light_.of(lit_view(request, prepared), std::move(versions), reach(),
-                     fill_light(request, prepared, indexed, backends_.cpu()), image);
+                     fill_light(request, prepared, indexed, backends_.processor()), image);
 }
 
 LightPlan Renderer::State::plan_light(const Request& request) {
@@ -310,7 +311,7 @@ std::vector<LightPiece> Renderer::State::light_pieces(const Request& request, co
     const Prepared prepared = prepare(request);
     const Indexed indexed = find_drawn(request, prepared, prepared.frame);
     const Request drawn = request.with(prepared.scene);
-    return pieces_of(light, drawn.scene, fill_light(drawn, prepared, indexed, backends_.cpu()));
+    return pieces_of(light, drawn.scene, fill_light(drawn, prepared, indexed, backends_.processor()));
 }
 
 std::vector<LightSpot> Renderer::State::light_spots(const Request& request, const std::vector<std::size_t>& numbers) {
@@ -335,7 +336,7 @@ bool Renderer::State::measure_light(const Request& request, RenderPlan& plan, bo
         light_probe_ = LightErrorProbe();
     }
     // (Lines to lights pass kernels that a part does not have.)
-    if (plan.backend == Backend::reference || request.scene.part ||
+    if (can(plan.backend, Ability::defines) || request.scene.part ||
         std::none_of(plan.error_budget.begin(), plan.error_budget.end(), is_of_model)) {
         return false;
     }
@@ -378,13 +379,14 @@ Image Renderer::State::render(const Request& request, const Frame* drawn_like) {
     Image image;
     image.stats["seconds_plan"] = seconds_since(started);
     const auto drawing = Clock::now();
-    if (backend == Backend::reference) {
-        draw_on_reference(request, image);
+    if (can(backend, Ability::defines)) {
+        std::vector<float> no_doubts;
+        backends_.painter(backend).draw(request, prepared, {}, image, no_doubts);
     } else {
         draw(request, prepared, drawn_like != nullptr ? *drawn_like : prepared.frame, image);
         image.size = request.size;
         add_bases(prepared.scene, request.scene, request.camera, image);
-        if (request.scene.part && (request.scene.mode == Mode::mip || request.scene.mode == Mode::minimum)) {
+        if (request.scene.part && is_extreme(request.scene.mode)) {
             // Whether any slice counts.
             image.counts.resize(image.scalar.size());
             std::transform(image.scalar.begin(), image.scalar.end(), image.counts.begin(),

@@ -62,7 +62,7 @@ struct Renderer::State {
     /// request: of the scene that is drawn.
     LightVolumes light_volumes(const Request& request, const Prepared& prepared, const Indexed& indexed, Image& image);
     void draw(const Request& asked, const Prepared& prepared, const Frame& drawn_like, Image& image);
-    /// Draws tiles of backend gl whose light shows rounding again, on the processor. doubts: a pixel each.
+    /// Draws tiles whose light shows rounding again, on the exact backend. doubts: a pixel each.
     void draw_doubtful(const Request& asked, const Prepared& prepared, const std::vector<float>& doubts, Image& image);
 
     const RendererOptions options_;

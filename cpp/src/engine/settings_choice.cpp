@@ -184,7 +184,7 @@ const Chosen* Renderer::State::choose(const Request& request) {
         }
     }
     const double pixels = static_cast<double>(request.size.width) * static_cast<double>(request.size.height);
-    const bool surface = request.scene.mode == Mode::isosurface;
+    const bool surface = shows_surfaces(request.scene.mode);
     const double wanted = surface ? surface_pilot_pixels : pilot_pixels;
     const int larger = static_cast<int>(std::sqrt(std::max(1.0, pixels / wanted)));
     Settings start = settings_of(request.scene);
@@ -193,8 +193,9 @@ const Chosen* Renderer::State::choose(const Request& request) {
     const bool large = !surface && pixels >= excerpted * pilot_pixels;
     Pilots pilots(*this, request, start, larger, large ? Pilots::Part::searched : Pilots::Part::whole);
     const std::vector<Backend> backends = backends_.candidates(options_.backend);
-    const bool may_be_float64 = options_.precision == Precision::automatic &&
-                                std::find(backends.begin(), backends.end(), Backend::cpu) != backends.end();
+    const bool may_be_float64 =
+        options_.precision == Precision::automatic &&
+        std::find(backends.begin(), backends.end(), backend_that(Ability::exact)) != backends.end();
     if (options_.max_error && may_be_float64 && pilots.arithmetic() > arithmetic_share * *options_.max_error) {
         start.precision = Precision::float64;
     }

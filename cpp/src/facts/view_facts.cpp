@@ -117,12 +117,11 @@ ViewFacts view_facts(const Scene& scene, const Camera& camera, const Frame& fram
         }
     }
     const RegularField* lattice = scene.fields.size() == 1 ? as_regular(scene.fields.front().get()) : nullptr;
-    if ((scene.mode == Mode::minimum || scene.mode == Mode::mip) && lattice != nullptr &&
-        ExtremeBlocks::fit(*lattice)) {
+    if (has_bounds(scene.mode) && lattice != nullptr && ExtremeBlocks::fit(*lattice)) {
         const auto peak = facts.lattice_peaks.find(lattice);
-        facts.extremes = extreme_facts(*lattice, peak != facts.lattice_peaks.end() ? peak->second : 0.0,
-                                       scene.mode == Mode::minimum ? 1.0 : -1.0, ExtremeBlocks::filled(scene),
-                                       scene.clip.half_spaces(), camera, frame);
+        facts.extremes =
+            extreme_facts(*lattice, peak != facts.lattice_peaks.end() ? peak->second : 0.0, sign_of_extreme(scene.mode),
+                          ExtremeBlocks::filled(scene), scene.clip.half_spaces(), camera, frame);
     }
     return facts;
 }

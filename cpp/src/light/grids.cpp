@@ -13,6 +13,7 @@
 
 #include "light/surface_lines.hpp"
 #include "plan/limits_common.hpp"
+#include "scene/mode_rules.hpp"
 
 namespace sheetsplat {
 
@@ -237,7 +238,7 @@ Camera camera_along_z(const Vec3& eye, double height) {
 
 bool shows_narrowly(const Scene& scene) {
     const std::vector<Group> groups = scene.groups();
-    return scene.mode == Mode::composite &&
+    return is_composited(scene.mode) &&
            std::any_of(groups.begin(), groups.end(), [&scene](const Group& group) { return is_narrow(scene, group); });
 }
 
@@ -269,7 +270,7 @@ LightPlan make_light_plan(const LitView& view, const Reach& reach) {
     const Frame& frame = view.frame;
     LightPlan light;
     light.slice_spacing = frame.slice_spacing;
-    light.surfaces = view.plan.mode == Mode::isosurface;
+    light.surfaces = shows_surfaces(view.plan.mode);
     const std::size_t volumes =
         light.surfaces ? scene.groups().size() : (view.plan.shadows ? scene.lights.size() : 0) + 2;
     const double elements = std::min(static_cast<double>(most_light_elements),

@@ -150,7 +150,7 @@ LightErrors LightErrorProbe::errors(const LitView& lit, const LightVolumes& volu
                                     const std::shared_ptr<const LightVolume>& absorption) {
     const LightAtPoints light = light_at(lit, volumes, absorption);
     // Where thin sheets of matter show, errors are at few pixels too.
-    const ProbePixels probes = probe_pixels(lit.size, lit.scene.mode == Mode::isosurface || shows_narrowly(lit.scene));
+    const ProbePixels probes = probe_pixels(lit.size, shows_surfaces(lit.scene.mode) || shows_narrowly(lit.scene));
     const ShownSpots view(lit, light);
     const std::size_t most = probes.pixels.size();
     ThreadPool pool(lit.threads);

@@ -47,7 +47,7 @@ std::string why_float32(const Scene& scene, const ViewFacts& view, const Capabil
     if (!capabilities.float16_blend_rounds) {
         return "this device cuts off sums in 16 bits";
     }
-    if (plan.mode != Mode::composite || plan.coverage) {
+    if (!is_composited(plan.mode) || plan.coverage) {
         return "the values themselves are shown, which 16 bits would round";
     }
     if (plan.gradient) {

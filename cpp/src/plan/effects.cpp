@@ -10,10 +10,6 @@ namespace sheetsplat {
 
 namespace {
 
-Control control_of(const EffectEntry& entry, Backend backend) {
-    return backend == Backend::gl ? entry.gl : backend == Backend::cpu ? entry.cpu : entry.reference;
-}
-
 std::string forcible_names(Backend backend) {
     std::string names;
     for (const EffectEntry& entry : effect_table) {
@@ -27,7 +23,8 @@ std::string forcible_names(Backend backend) {
 
 } // namespace
 
-Effects::Effects(const std::map<std::string, bool>& forced, Backend backend, std::vector<Effect>& list) : list_(list) {
+Effects::Effects(const std::map<std::string, bool>& forced, Backend backend, std::vector<Effect>& list)
+    : backend_(backend), list_(list) {
     for (const auto& [name, on] : forced) {
         const auto* const entry =
             std::find_if(effect_table.begin(), effect_table.end(),
@@ -44,7 +41,7 @@ Effects::Effects(const std::map<std::string, bool>& forced, Backend backend, std
                 std::string("change ") + entry->decided_by + ", and leave the effect out of " + option_ref("effects"),
                 "effects"});
         }
-        if (backend == Backend::reference) {
+        if (can(backend, Ability::defines)) {
             continue;
         }
         if (control_of(*entry, backend) == Control::forcible) {
@@ -58,10 +55,15 @@ Effects::Effects(const std::map<std::string, bool>& forced, Backend backend, std
 }
 
 void Effects::state(EffectId effect, bool on, const std::string& reason) {
-    list_.push_back({name_of(effect), on, reason, false});
+    if (known(effect)) {
+        list_.push_back({name_of(effect), on, reason, false});
+    }
 }
 
 bool Effects::decide(EffectId effect, bool on, const std::string& reason, bool needed) {
+    if (!known(effect)) {
+        return false;
+    }
     const auto found = forced_.find(effect);
     if (found == forced_.end()) {
         state(effect, on, reason);
@@ -78,7 +80,12 @@ bool Effects::decide(EffectId effect, bool on, const std::string& reason, bool n
 }
 
 bool Effects::decide_given(EffectId effect, bool given, bool on, const std::string& reason) {
-    if (given) {
+    if (given && on && !known(effect)) {
+        throw Unsupported(Complaint{"the picture cannot be drawn",
+                                    std::string(name_of(effect)) + " with backend " + to_string(backend_),
+                                    "an effect that this backend has", "leave out " + option_ref(name_of(effect))});
+    }
+    if (given || !known(effect)) {
         return decide(effect, on, reason, true);
     }
     const bool forced = forced_.count(effect) != 0;
@@ -86,6 +93,8 @@ bool Effects::decide_given(EffectId effect, bool given, bool on, const std::stri
                      forced_on(effect) ? "forced on, but there is nothing to do: " + reason : reason, forced});
     return false;
 }
+
+bool Effects::known(EffectId effect) const { return control_of(entry_of(effect), backend_) != Control::absent; }
 
 bool Effects::forced_on(EffectId effect) const {
     const auto found = forced_.find(effect);
@@ -115,12 +124,12 @@ std::vector<EffectInfo> known_effects() {
     std::vector<EffectInfo> all;
     for (const EffectEntry& entry : effect_table) {
         EffectInfo info{entry.name, entry.meaning, entry.decided_by != nullptr ? entry.decided_by : "", {}, {}};
-        for (const Backend backend : {Backend::gl, Backend::cpu, Backend::reference}) {
-            if (control_of(entry, backend) != Control::absent) {
-                info.listed_by.push_back(backend);
+        for (const BackendTraits& traits : backend_table) {
+            if (control_of(entry, traits.backend) != Control::absent) {
+                info.listed_by.push_back(traits.backend);
             }
-            if (control_of(entry, backend) == Control::forcible) {
-                info.forcible_on.push_back(backend);
+            if (control_of(entry, traits.backend) == Control::forcible) {
+                info.forcible_on.push_back(traits.backend);
             }
         }
         all.push_back(std::move(info));

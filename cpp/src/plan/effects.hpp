@@ -17,11 +17,13 @@ class Effects {
     /// where an effect is forced on that this backend does not have.
     Effects(const std::map<std::string, bool>& forced, Backend backend, std::vector<Effect>& list);
 
+    /// Whether the backend has an effect; what it has not is off, and its plans do not list it.
+    [[nodiscard]] bool known(EffectId effect) const;
     /// Adds an effect that can be forced, and returns whether it is on. `needed`: turning it off would make a wrong
     /// picture.
     bool decide(EffectId effect, bool on, const std::string& reason, bool needed = false);
     /// The same where the scene must bring numbers of its own, as a clip its planes: without them (`given` is false)
-    /// there is nothing to turn on.
+    /// there is nothing to turn on. Throws Unsupported where it would be on and the backend has no such effect.
     bool decide_given(EffectId effect, bool given, bool on, const std::string& reason);
     /// Adds an effect that follows from something else.
     void state(EffectId effect, bool on, const std::string& reason);
@@ -33,6 +35,7 @@ class Effects {
     void refuse_dropped() const;
 
   private:
+    Backend backend_;
     std::map<EffectId, bool> forced_;
     std::vector<Effect>& list_;
     std::string dropped_; ///< names

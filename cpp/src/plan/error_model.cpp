@@ -127,7 +127,7 @@ SumFacts facts_of(const Scene& scene, const ViewFacts& view, const DrawPlan& pla
         const Amounts amounts = amounts_of(*field, view);
         facts.largest = std::max(facts.largest, amounts.largest);
         spread = std::max(spread, amounts.high - amounts.low);
-        if (plan.mode == Mode::isosurface) {
+        if (shows_surfaces(plan.mode)) {
             for (const IsoValue& iso : iso_values) {
                 for (const double end : {0.0, amounts.low, amounts.high}) {
                     const double distance = std::abs(iso.value - end);
@@ -142,7 +142,7 @@ SumFacts facts_of(const Scene& scene, const ViewFacts& view, const DrawPlan& pla
                 std::max(facts.weight_range, amounts.most_weight / std::max(field->w0(), least_divisor));
         }
     }
-    facts.resolved = plan.mode == Mode::isosurface && spread > 0.0 ? spread : unit;
+    facts.resolved = shows_surfaces(plan.mode) && spread > 0.0 ? spread : unit;
     facts.ratio = facts.largest / facts.resolved;
     if (is_composited(plan.mode)) {
         const double per_length = view.frame.slice_spacing * view.frame.largest_slant / view.frame.reference_length;
@@ -168,7 +168,7 @@ double unit_of_values(const Scene& scene, const ViewFacts& view, const Group& gr
     if (largest == 0.0) {
         largest = 1.0;
     }
-    if (scene.mode == Mode::composite) {
+    if (is_composited(scene.mode)) {
         const double window = group.transfer_function->v_max() - group.transfer_function->v_min();
         // A window wider than the values would push them towards 0 of the sheets' range; nothing is gained by that.
         largest = window > 0.0 ? window : largest;
@@ -212,7 +212,7 @@ double ratio_from_pivots(const Scene& scene, const DrawPlan& plan, double resolv
                 largest = std::max({largest, std::abs(range[0] - pivot), std::abs(range[1] - pivot)});
             }
         }
-        const double own = plan.mode == Mode::isosurface && spread > 0.0 ? spread : plan.unit_of(group.first);
+        const double own = shows_surfaces(plan.mode) && spread > 0.0 ? spread : plan.unit_of(group.first);
         ratio = std::max(ratio, largest / (groups.size() == 1 ? resolved : own));
     }
     return ratio;
@@ -233,7 +233,7 @@ double lit_rounding(const Scene& scene, const ViewFacts& view, DrawPlan& plan, c
     double of_sum = of.sum * std::sqrt(sums.crowd) / -std::expm1(-falloff) + of.place * per_px * std::min(1.0, per_px);
     // Where W is less than w0 a Gaussian is hardly more than at its end. Surfaces of quotients may lie there.
     const double apart = std::min(sums.weight_range, widest_range);
-    of_sum += (plan.mode == Mode::isosurface ? 1.0 : of_ends) * std::exp(-falloff) * apart;
+    of_sum += (shows_surfaces(plan.mode) ? 1.0 : of_ends) * std::exp(-falloff) * apart;
     // Means over slabs are differences, known to the rounding of 1 however small they are.
     of_sum += scene.sampling == Sampling::slab ? of_slabs * apart : 0.0;
     double rounding = 0.0;
@@ -273,7 +273,7 @@ double lit_rounding(const Scene& scene, const ViewFacts& view, DrawPlan& plan, c
 }
 
 double extremes_rounding(Mode mode, const SumFacts& sums) {
-    return mode == Mode::mip || mode == Mode::minimum ? rounded_sum * std::sqrt(sums.crowd) * sums.largest : 0.0;
+    return is_extreme(mode) ? rounded_sum * std::sqrt(sums.crowd) * sums.largest : 0.0;
 }
 
 double weights_in_slabs(Sampling sampling, const SumFacts& sums) {
@@ -296,7 +296,7 @@ bool shows_between_zeros(const Scene& scene, const SumFacts& sums, const DrawPla
 
 bool intervals_may_be_empty(const Scene& scene, const SumFacts& sums, const DrawPlan& plan) {
     const bool ends = scene.counted && !scene.counted->ends.empty();
-    return plan.mode == Mode::composite && plan.preintegration &&
+    return is_composited(plan.mode) && plan.preintegration &&
            (plan.cuts() || ends || shows_between_zeros(scene, sums, plan));
 }
 
@@ -343,7 +343,7 @@ void expect_light_errors(const Scene& scene, const ViewFacts& view, double opaci
     double brightest = 0.0;
     // Grids follow what changes over several steps.
     bool gentle = !plan.filter && view.screen_px.smallest * view.frame.largest_pixel >= 2.0 * length;
-    const bool surface = scene.mode == Mode::isosurface;
+    const bool surface = shows_surfaces(scene.mode);
     std::size_t number = 0;
     for (const Group& group : scene.groups()) {
         const std::vector<IsoValue> iso_values = iso_values_of(scene, number++);

@@ -58,7 +58,7 @@ double extent_of_ellipsoids(const Measures& m) {
 
 /// What means over slabs lose of ellipsoids that are far thinner than a slab, over what is seen.
 double lost_in_slabs(const Measures& m) {
-    const double unit = m.plan.mode == Mode::xray ? m.view.frame.slice_spacing : 1.0;
+    const double unit = traits_of(m.plan.mode).integrates ? m.view.frame.slice_spacing : 1.0;
     const double seen = is_scalar(m.plan.mode) ? std::max(1.0, unit * m.view.slabs.ellipsoids.peak) : m.sums.resolved;
     return unit * m.view.slabs.ellipsoids.loss / seen * std::min(m.sums.steepness, 4.0);
 }
@@ -97,7 +97,7 @@ const std::vector<Limit>& limits() {
          "iso values times transfer functions: {} surfaces",
          "use fewer iso values",
          [](const Measures& m) {
-             return m.plan.mode == Mode::isosurface ? count(groups_drawn(m.scene).size() * m.scene.iso_values.size())
+             return shows_surfaces(m.plan.mode) ? count(groups_drawn(m.scene).size() * m.scene.iso_values.size())
                                                     : none;
          },
          true},
@@ -141,7 +141,7 @@ const std::vector<Limit>& limits() {
          "a composite of {} slices",
          "use a larger " + option_ref("slice_spacing"),
          [](const Measures& m) {
-             return m.plan.mode == Mode::composite ? static_cast<double>(m.view.frame.slices) : none;
+             return is_composited(m.plan.mode) ? static_cast<double>(m.view.frame.slices) : none;
          }},
         // Sections in float32 are known to epsilon times the aspect.
         {"aspect",
@@ -271,7 +271,7 @@ const std::vector<Limit>& limits() {
          "an iso value near the end of values that come to {} times the distance",
          "",
          [](const Measures& m) {
-             return m.plan.mode == Mode::isosurface ? m.sums.ratio * m.sums.resolved / m.sums.nearest_end : none;
+             return shows_surfaces(m.plan.mode) ? m.sums.ratio * m.sums.resolved / m.sums.nearest_end : none;
          }},
         // Kernels of one size at one place round alike, and errors grow as their number: at 100,000 seen at 3e-6
         // (RMSE).

@@ -10,7 +10,6 @@
 #include "occurring.hpp"
 #include "parts.hpp"
 #include "plan/charge_effects.hpp"
-#include "plan/filtered_lattices.hpp"
 #include "scene/mode_rules.hpp"
 #include "sheetsplat/error.hpp"
 
@@ -42,7 +41,7 @@ double steepest_falloff(const Scene& scene) {
 }
 
 bool saturates_within(const Scene& scene, const ViewFacts& view, std::int64_t slices, double opacity) {
-    if (scene.mode == Mode::isosurface || opacity >= 1.0) {
+    if (shows_surfaces(scene.mode) || opacity >= 1.0) {
         return true;
     }
     const double exponent = view.frame.slice_spacing / view.frame.reference_length * view.frame.largest_slant;
@@ -69,7 +68,7 @@ SceneShows shown_of(const Scene& scene, const ViewFacts& view) {
     if (is_scalar(scene.mode)) {
         return shows;
     }
-    const bool surface = scene.mode == Mode::isosurface;
+    const bool surface = shows_surfaces(scene.mode);
     std::string ranges;
     shows.opacity = 0.0;
     std::size_t group_number = 0;
@@ -173,8 +172,7 @@ void plan_depth_limit(const Scene& scene, const ViewFacts& view, Effects& effect
 bool black(const Vec3& color) { return color.x == 0.0 && color.y == 0.0 && color.z == 0.0; }
 
 /// Lights, gradients and what only they need.
-void plan_light(const Scene& scene, const ViewFacts& view, Backend backend, const SceneShows& shows, Effects& effects,
-                DrawPlan& plan) {
+void plan_light(const Scene& scene, const ViewFacts& view, const SceneShows& shows, Effects& effects, DrawPlan& plan) {
     const bool scalar = is_scalar(scene.mode);
     const Material& material = scene.material;
     const bool lights = !scene.lights.empty() && !scalar && shows.anything;
@@ -190,7 +188,7 @@ void plan_light(const Scene& scene, const ViewFacts& view, Backend backend, cons
                              : !shining             ? "all lights are black"
                              : !matt && !shiny      ? "the material reflects ambient light only"
                                                     : "";
-    const bool composite = scene.mode == Mode::composite;
+    const bool composite = is_composited(scene.mode);
     const bool faded = scene.gradient_opacity && composite;
     plan.gradient_opacity = effects.decide_given(EffectId::gradient_opacity, faded, faded && shows.anything,
                                                  !scene.gradient_opacity ? "not asked for"
@@ -270,8 +268,7 @@ void plan_light(const Scene& scene, const ViewFacts& view, Backend backend, cons
     const double share = fine_gradient_below * view.frame.reference_length;
     const bool close = view.frame.smallest_step() < share;
     const bool fine = called && close && !plan.analytic_gradient;
-    plan.fine_gradient = backend == Backend::gl &&
-                         effects.decide(EffectId::fine_gradient, fine,
+    plan.fine_gradient = effects.decide(EffectId::fine_gradient, fine,
                                         fine ? "a pixel or the slice spacing is so small that differences of sums "
                                                "would lose the gradient: differences are splatted"
                                         : plan.analytic_gradient ? "no differences are taken"
@@ -310,12 +307,17 @@ void plan_depth_cue(const Scene& scene, const ViewFacts& view, const SceneShows&
                                               : shows.why_nothing);
 }
 
+#define SHEETSPLAT_PLANNER(name, ...) &plan_##name,
+constexpr std::array planners{SHEETSPLAT_BACKENDS(SHEETSPLAT_PLANNER)};
+#undef SHEETSPLAT_PLANNER
+
 } // namespace
 
 DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
                    Projection projection, Backend backend, const Capabilities* capabilities) {
     DrawPlan plan;
     RenderPlan& summary = plan.summary;
+    const bool defines = can(backend, Ability::defines);
     plan.projection = projection;
     plan.sampling = scene.sampling;
     plan.mode = scene.mode;
@@ -350,23 +352,23 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     // Classification and what it needs.
     effects.state(EffectId::classification, !scalar,
                   scalar ? "the mode shows the scalar itself" : "the mode shows colours");
-    effects.state(EffectId::isosurface, scene.mode == Mode::isosurface, "the mode shows crossings of iso values",
+    effects.state(EffectId::isosurface, shows_surfaces(scene.mode), "the mode shows crossings of iso values",
                   "the mode is not isosurface");
     state_fields(scene, effects);
-    const bool visible_at_zero = scene.mode == Mode::composite && !(scene.counted && scene.counted->filled) &&
+    const bool visible_at_zero = is_composited(scene.mode) && !(scene.counted && scene.counted->filled) &&
                                  std::any_of(groups.begin(), groups.end(), [](const Group& group) {
                                      return !group.transfer_function->transparent_over(0.0, 0.0);
                                  });
     plan.threshold = threshold;
-    plan.open_front = scene.mode == Mode::isosurface && view.frame.cut_by_near;
+    plan.open_front = shows_surfaces(scene.mode) && view.frame.cut_by_near;
     plan.coverage = outputs.coverage;
     plan.depth = outputs.depth && !scalar;
     plan.owned = scene.part && scene.part->cuts();
-    plan.counts = scene.mode == Mode::average && (scene.part || (scene.counted && scene.counted->counts));
-    const bool thin = scene.mode == Mode::composite && std::any_of(scene.fields.begin(), scene.fields.end(),
-                                                                   [](const std::shared_ptr<const Field>& field) {
-                                                                       return field->least_weight() > 0.0;
-                                                                   });
+    plan.counts = traits_of(scene.mode).mean && (scene.part || (scene.counted && scene.counted->counts));
+    const bool thin = is_composited(scene.mode) && std::any_of(scene.fields.begin(), scene.fields.end(),
+                                                               [](const std::shared_ptr<const Field>& field) {
+                                                                   return field->least_weight() > 0.0;
+                                                               });
     plan.empty_test =
         effects.decide(EffectId::empty_test, visible_at_zero || thin,
                        thin              ? "points beside missing samples, which too few kernels reach, are empty"
@@ -379,8 +381,8 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     const bool counted = counts_weighted_slices(scene.mode);
     const bool filled = scene.counted && scene.counted->filled;
     // (Backend gl passes over pixels that no kernel touches, which count too: it draws all kernels for their weights.)
-    const bool places_tell =
-        backend == Backend::cpu && !filtering && places_tell_reach(scene) && (!scalar || adds_all_fields(scene));
+    const bool places_tell = can(backend, Ability::tells_reach) && !filtering && places_tell_reach(scene) &&
+                             (!scalar || adds_all_fields(scene));
     const bool by_place = counted && places_tell;
     const bool weight = threshold || outputs.coverage || plan.empty_test || (counted && !by_place);
     plan.weight =
@@ -415,7 +417,7 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
         lattices = lattices || (ellipsoids == nullptr && !filtering);
         spheres = spheres || (ellipsoids != nullptr && ellipsoids->size() > 0 && ellipsoids->isotropic() && !filtering);
     }
-    const bool filtered_in_place = filtering && filtered_lattices_stay(backend);
+    const bool filtered_in_place = filtering && can(backend, Ability::filters_lattices);
     effects.state(EffectId::scattered_kernels, view.kernels.ellipsoids || (filtering && !filtered_in_place),
                   view.kernels.ellipsoids ? "a field holds ellipsoids: each is sliced by itself"
                   : filtered_in_place     ? "all fields are lattices, whose kernels the filter widens where they are"
@@ -436,11 +438,11 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
 
     plan_clip(scene, view, effects, plan);
     plan_depth_limit(scene, view, effects, plan);
-    plan_light(scene, view, backend, shows, effects, plan);
+    plan_light(scene, view, shows, effects, plan);
 
     // Opacity.
     const double exponent = view.frame.slice_spacing / view.frame.reference_length;
-    const bool correction = scene.mode == Mode::composite && !scene.preintegration &&
+    const bool correction = is_composited(scene.mode) && !scene.preintegration &&
                             (exponent != 1.0 || (projection == Projection::perspective));
     plan.opacity_correction = effects.decide(EffectId::opacity_correction, correction,
                                              correction ? "slices are not one reference length apart along every ray"
@@ -461,8 +463,8 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
         !scalar && shows.anything &&
         ((scene.part && scene.part->in_front) || saturates_within(scene, view, view.frame.slices + 1, shows.opacity));
     const bool opaque_surfaces =
-        scene.mode == Mode::isosurface && std::all_of(scene.iso_values.begin(), scene.iso_values.end(),
-                                                      [](const IsoValue& iso) { return iso.opacity == 1.0; });
+        shows_surfaces(scene.mode) && std::all_of(scene.iso_values.begin(), scene.iso_values.end(),
+                                                  [](const IsoValue& iso) { return iso.opacity == 1.0; });
     const bool stops = saturates && (scene.opacity_stop < 1.0 || opaque_surfaces);
     plan.stop = effects.decide(EffectId::opacity_stop, stops && !opaque_surfaces,
                                scalar            ? "the mode has no opacity"
@@ -479,7 +481,7 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     effects.state(EffectId::coverage, outputs.coverage, "asked for", "not asked for");
     effects.state(EffectId::depth, outputs.depth, "asked for", "not asked for");
 
-    if (backend != Backend::reference) {
+    if (!defines) {
         const auto sums = [&] { return sum_facts(scene, view, plan); };
         // (The end of an interval that the near plane removes is empty, though kernels reach it.)
         const bool told = filled && !view.frame.cut_by_near;
@@ -492,32 +494,9 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
         plan.empty_test = plan.empty_test || intervals;
         plan.weight = plan.weight || (intervals && (!places_tell || shows_between_zeros(scene, sums(), plan)));
     }
-    if (backend == Backend::reference) {
-        plan.precision = Precision::float64;
-        if (options.precision != Precision::automatic && options.precision != Precision::float64) {
-            throw Unsupported(
-                Complaint{"the plan cannot be made",
-                          std::string("precision ") + to_string(options.precision) + " with backend reference",
-                          "float64 or auto", "", "precision"});
-        }
-        summary.precision = plan.precision;
-        summary.packing = Packing::wide;
-        summary.tagging = Tagging::off;
-        summary.device = "float64, one thread";
-        effects.state(EffectId::separate_normalization, scene.fields.size() > 1 && plan.threshold,
-                      "each field is divided before all are added",
-                      "at most one division is needed for the whole scene");
-        effects.state(EffectId::culling, false, "the reference looks at every kernel");
-        effects.state(EffectId::elimination, false, "the reference sums every slice of every pixel");
-        effects.state(EffectId::opacity_buffer, false, "the reference looks at every kernel");
-        effects.state(EffectId::tagging, false, "the reference looks at every pixel of every slice");
-        effects.state(EffectId::sums, true, "kernels are summed in float64");
-    } else if (backend == Backend::cpu) {
-        plan_cpu(scene, view, options, outputs, effects, plan);
-    } else {
-        plan_gl(scene, view, options, outputs, *capabilities, {lattices, spheres, stops, shows.opacity}, effects, plan);
-    }
-    if (backend != Backend::reference) {
+    planners[index_of(backend)](
+        {scene, view, options, outputs, capabilities, {lattices, spheres, stops, shows.opacity}}, effects, plan);
+    if (!defines) {
         expect_light_errors(scene, view, shows.opacity, plan);
     }
     charge_effects(summary);

@@ -6,6 +6,8 @@
 
 #include <glm/geometric.hpp>
 
+#include "scene/mode_rules.hpp"
+
 namespace sheetsplat {
 
 namespace {
@@ -89,7 +91,7 @@ Kept kept_by(const Scene& scene, const ViewFacts& view) {
         return Kept::something;
     }
     // A slab reaches half a slice distance beyond its middle, and a crossing has an end beyond the supports.
-    const double slices = (scene.sampling == Sampling::slab ? 0.5 : 0.0) + (scene.mode == Mode::isosurface ? 1.0 : 0.0);
+    const double slices = (scene.sampling == Sampling::slab ? 0.5 : 0.0) + (shows_surfaces(scene.mode) ? 1.0 : 0.0);
     const double margin = slices * view.frame.slice_spacing * view.frame.largest_slant;
     bool everything = true;
     for (const Clip::Plane& plane : scene.clip.half_spaces()) {

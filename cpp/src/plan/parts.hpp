@@ -33,12 +33,20 @@ double steepest_falloff(const Scene& scene);
 /// True where opacity can reach A_stop along some ray within this many slices, or intervals, of at most `opacity` each.
 bool saturates_within(const Scene& scene, const ViewFacts& view, std::int64_t slices, double opacity);
 
-/// OpenGL's part of make_plan: `plan` holds what follows from the scene already. Throws Unsupported.
-void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
-             const Capabilities& capabilities, const SceneCalls& calls, Effects& effects, DrawPlan& plan);
+/// What a backend's part of make_plan looks at.
+struct PlanInputs {
+    const Scene& scene;
+    const ViewFacts& view;
+    const RendererOptions& options;
+    const Outputs& outputs;
+    const Capabilities* capabilities; ///< Painter::capabilities
+    SceneCalls calls;
+};
 
-/// The processor's part of make_plan: `plan` holds what follows from the scene already. Throws Unsupported.
-void plan_cpu(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
-              Effects& effects, DrawPlan& plan);
+// plan_X of each backend: its part of make_plan. `plan` holds what follows from the scene already. Throws Unsupported.
+#define SHEETSPLAT_DECLARE_PLANNER(name, ...)                                                                          \
+    void plan_##name(const PlanInputs& inputs, Effects& effects, DrawPlan& plan);
+SHEETSPLAT_BACKENDS(SHEETSPLAT_DECLARE_PLANNER)
+#undef SHEETSPLAT_DECLARE_PLANNER
 
 } // namespace sheetsplat

@@ -62,7 +62,7 @@ double memory_of_light(const Scene& scene, const ViewFacts& view, const DrawPlan
     }
     // A grid that is not along the world's axes is larger.
     elements *= 2.0;
-    if (plan.mode == Mode::isosurface) {
+    if (shows_surfaces(plan.mode)) {
         // rho, on a grid of half the step.
         const double most = std::min(8.0 * elements, static_cast<double>(most_light_elements));
         return sizeof(float) * std::min(most * static_cast<double>(scene.later_groups.size() + 1),
@@ -107,8 +107,7 @@ SecondsOfExtremes seconds_of_extremes(const RegularField& field, const ViewFacts
 
 /// Modes mip and minimum by rays in place of sheets.
 void plan_extremes(const Scene& scene, const ViewFacts& view, Effects& effects, DrawPlan& plan) {
-    const std::string why_not = plan.mode != Mode::mip && plan.mode != Mode::minimum
-                                    ? "the mode is neither mip nor minimum"
+    const std::string why_not = !has_bounds(plan.mode)    ? "the mode shows no maximum or minimum"
                                 : scene.fields.size() > 1 ? "there are several fields"
                                 : !view.extremes          ? "rho has no bounds by blocks: they are those of "
                                                             "Cartesian lattices without a division by weights"
@@ -136,8 +135,8 @@ void plan_extremes(const Scene& scene, const ViewFacts& view, Effects& effects, 
 
 } // namespace
 
-void plan_cpu(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
-              Effects& effects, DrawPlan& plan) {
+void plan_cpu(const PlanInputs& inputs, Effects& effects, DrawPlan& plan) {
+    const auto& [scene, view, options, outputs, capabilities, calls] = inputs;
     refuse_ways_of_gl(options);
     divide_apart(scene, outputs, effects, plan);
     plan.culling = effects.decide(EffectId::culling, true, "kernels that cannot be seen are skipped");
@@ -147,7 +146,7 @@ void plan_cpu(const Scene& scene, const ViewFacts& view, const RendererOptions& 
     plan.gradient = plan.lit || plan.gradient_opacity;
     plan.packing = Packing::wide;
     plan.tagging = Tagging::tiles;
-    const bool ends = plan.stop || plan.mode == Mode::isosurface;
+    const bool ends = plan.stop || shows_surfaces(plan.mode);
     effects.state(EffectId::elimination, ends, "rows, blocks and tiles whose pixels are all opaque are skipped",
                   "no pixel can become opaque enough to stop");
     effects.state(EffectId::opacity_buffer, false, "opaque blocks and tiles are skipped without a buffer");

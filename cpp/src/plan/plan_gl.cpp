@@ -86,8 +86,7 @@ void plan_skipping(const Scene& scene, const ViewFacts& view, const Outputs& out
     plan.culling = effects.decide(EffectId::culling, true, "kernels that cannot be seen are skipped");
     const bool possible = calls.stops && !outputs.coverage;
     // On a rasteriser in software depth tests cost more than they save, unless pixels become opaque within few slices.
-    const bool soon =
-        scene.mode == Mode::isosurface || saturates_within(scene, view, soon_opaque_slices, calls.opacity);
+    const bool soon = shows_surfaces(scene.mode) || saturates_within(scene, view, soon_opaque_slices, calls.opacity);
     const bool eliminate = possible && (!capabilities.software || soon);
     plan.elimination = effects.decide(EffectId::elimination, eliminate,
                                       !calls.stops       ? "no pixel can become opaque enough to stop"
@@ -223,8 +222,9 @@ std::uint64_t memory_of(const Scene& scene, const ViewFacts& view, const DrawPla
 
 } // namespace
 
-void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
-             const Capabilities& capabilities, const SceneCalls& calls, Effects& effects, DrawPlan& plan) {
+void plan_gl(const PlanInputs& inputs, Effects& effects, DrawPlan& plan) {
+    const auto& [scene, view, options, outputs, device, calls] = inputs;
+    const Capabilities& capabilities = *device;
     plan_sheets(scene, view, options, outputs, capabilities, effects, plan);
     plan.tagging = choose_tagging(options, capabilities);
     effects.state(EffectId::tagging, plan.tagging != Tagging::off, why_tagged(plan.tagging));
@@ -243,7 +243,7 @@ void plan_gl(const Scene& scene, const ViewFacts& view, const RendererOptions& o
                                            : "plain float32 sums over these slices are accurate enough",
                                       true) &&
                        is_composited(scene.mode);
-    plan.read_image = plan.compensated || plan.stop || scene.mode == Mode::isosurface || is_scalar(scene.mode) ||
+    plan.read_image = plan.compensated || plan.stop || shows_surfaces(scene.mode) || is_scalar(scene.mode) ||
                       plan.depth || plan.coverage;
     check_coverage(scene, plan);
     if (!options.allow_inexact) {

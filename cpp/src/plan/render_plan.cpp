@@ -18,10 +18,7 @@ double RenderPlan::expected_error() const {
     return std::sqrt(squares);
 }
 
-const char* to_string(Backend value) {
-    constexpr std::array names{"auto", "gl", "cpu", "reference"};
-    return names.at(static_cast<std::size_t>(value));
-}
+const char* to_string(Backend value) { return value == Backend::automatic ? "auto" : traits_of(value).name; }
 
 const char* to_string(Precision value) {
     constexpr std::array names{"auto", "uint8", "float16", "float32", "float64"};

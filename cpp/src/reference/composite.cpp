@@ -38,7 +38,7 @@ Compositor::Compositor(const CountedScene& counted, const Camera& camera, const 
     const std::size_t pixels = static_cast<std::size_t>(screen.width()) * static_cast<std::size_t>(screen.height());
     picture_.size = {screen.width(), screen.height()};
     if (is_scalar(scene.mode)) {
-        picture_.scalar.assign(pixels, scene.mode == Mode::minimum ? never : scene.mode == Mode::mip ? -never : 0.0);
+        picture_.scalar.assign(pixels, start_of(scene.mode));
     } else {
         picture_.rgba.assign(4 * pixels, 0.0);
     }
@@ -72,7 +72,7 @@ void Compositor::add(const SheetWindow& window, const std::function<void()>& pol
             }
             if (is_scalar(scene_.mode)) {
                 add_scalar(window, pixel);
-            } else if (scene_.mode == Mode::isosurface) {
+            } else if (shows_surfaces(scene_.mode)) {
                 add_crossings(window, pixel);
             } else if (scene_.second_order) {
                 add_second_order_interval(window, pixel);
@@ -209,19 +209,16 @@ void Compositor::add_scalar(const SheetWindow& window, const Pixel& pixel) {
     if (!counts_.empty()) {
         counts_[pixel.number] += 1.0;
     }
+    const ModeTraits& mode = traits_of(scene_.mode);
     double& value = picture_.scalar[pixel.number];
-    switch (scene_.mode) {
-    case Mode::xray:
-        value += view.rho(0) * slices_.spacing * screen_.secant(pixel.column, pixel.row);
-        break;
-    case Mode::minimum:
-        value = std::min(value, view.rho(0));
-        break;
-    case Mode::average:
-        value += view.rho(0);
-        break;
-    default:
+    if (mode.fold == Fold::largest) {
         value = std::max(value, view.rho(0));
+    } else if (mode.fold == Fold::smallest) {
+        value = std::min(value, view.rho(0));
+    } else if (mode.integrates) {
+        value += view.rho(0) * slices_.spacing * screen_.secant(pixel.column, pixel.row);
+    } else {
+        value += view.rho(0);
     }
 }
 
@@ -316,7 +313,7 @@ Picture Compositor::finish() {
     for (std::size_t at = 0; at < counts_.size(); ++at) {
         if (counts_[at] == 0.0) {
             picture_.scalar[at] = std::numeric_limits<double>::quiet_NaN();
-        } else if (scene_.mode == Mode::average) {
+        } else if (traits_of(scene_.mode).mean) {
             picture_.scalar[at] /= counts_[at];
         }
     }

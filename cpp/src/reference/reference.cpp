@@ -78,14 +78,14 @@ ZeroKernels zero_kernels(const CountedScene& counted, const Group& group, std::s
     // Which points count matters less to an x-ray: those that do not could only add bases.
     const bool adds_base =
         std::any_of(scene.fields.begin(), scene.fields.end(), [](const auto& any) { return any->base() != 0.0; });
-    const bool counts_matter = is_scalar(scene.mode) && (scene.mode != Mode::xray || adds_base);
+    const bool counts_matter = is_scalar(scene.mode) && (counts_weighted_slices(scene.mode) || adds_base);
     const bool weights_matter = request.coverage || counts_matter || field.normalization() == Normalization::threshold;
     // Of an interval of which an end is cut off, or whose cubic is not 0 between two ends that are, it matters whether
     // the ends are empty.
     const bool cut = !scene.clip.empty() || !counted.end_of_field(number).empty() || scene.depth_limit;
     const bool intervals = scene.preintegration && (scene.second_order || cut);
     const bool reach_matters =
-        scene.mode == Mode::composite && (intervals || opaque_at_base(*group.transfer_function, nudges));
+        is_composited(scene.mode) && (intervals || opaque_at_base(*group.transfer_function, nudges));
     return weights_matter || reach_matters ? ZeroKernels::drawn : ZeroKernels::left_out;
 }
 

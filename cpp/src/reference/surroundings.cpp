@@ -9,6 +9,7 @@
 #include <glm/geometric.hpp>
 
 #include "reference/classify.hpp"
+#include "scene/mode_rules.hpp"
 
 namespace sheetsplat::reference {
 
@@ -113,7 +114,7 @@ double Surroundings::left_along(const Vec3& point_eye, const Vec3& direction, do
     const double end = steps_to_end(point_eye, direction);
     const auto place_at = [&](double step) { return look_at(point_eye + step * spacing_ * direction, nudge); };
     double left = 1.0;
-    if (scene_.mode == Mode::isosurface) {
+    if (shows_surfaces(scene_.mode)) {
         // Beyond the end all points are empty: only the one next to it can lie on the other side of a surface.
         const double last = std::min(steps - 1.0, end);
         Place front = last >= 1.0 ? place_at(1.0) : Place{};

@@ -7,6 +7,11 @@ namespace sheetsplat {
 
 namespace {
 
+template <class Value>
+auto same(const Value& a, const Value& b) -> decltype(a == b) {
+    return a == b;
+}
+
 // Structured bindings name every member: one that is added does not compile until it is compared here.
 
 bool same(const Light& a, const Light& b) {
@@ -60,21 +65,24 @@ static bool same_groups(const std::vector<Scene::LaterGroup>& a, const std::vect
                       });
 }
 
+static bool same(const std::vector<Light>& a, const std::vector<Light>& b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                      [](const Light& one, const Light& other) { return same(one, other); });
+}
+
 bool same(const Scene& a, const Scene& b) {
-    const auto& [fields, transfer_function, later_groups, slice_spacing, sampling, reference_length, mode, iso_values,
-                 lights, material, opacity_stop, preintegration, second_order, filter, gradient, clip, depth_limit,
-                 gradient_opacity, depth_cue, shadows, ambient_occlusion, background, counted, part] = a;
-    return fields == b.fields && same(transfer_function.points(), b.transfer_function.points()) &&
-           same_groups(later_groups, b.later_groups) && slice_spacing == b.slice_spacing && sampling == b.sampling &&
-           reference_length == b.reference_length && mode == b.mode && iso_values == b.iso_values &&
-           std::equal(lights.begin(), lights.end(), b.lights.begin(), b.lights.end(),
-                      [](const Light& one, const Light& other) { return same(one, other); }) &&
-           same(material, b.material) && opacity_stop == b.opacity_stop && preintegration == b.preintegration &&
-           second_order == b.second_order && filter == b.filter && gradient == b.gradient && same(clip, b.clip) &&
-           // Not its depths: they belong to one camera, and settings chosen for one view serve others near it.
-           depth_limit.has_value() == b.depth_limit.has_value() && gradient_opacity == b.gradient_opacity &&
-           same(depth_cue, b.depth_cue) && shadows == b.shadows && same(ambient_occlusion, b.ambient_occlusion) &&
-           background == b.background && !counted && !b.counted && !part && !b.part;
+#define SHEETSPLAT_OPTION_NAME(type, name, ...) name,
+    const auto& [fields, transfer_function, later_groups, SHEETSPLAT_SCENE_OPTIONS(SHEETSPLAT_OPTION_NAME) depth_limit,
+                 counted, part] = a;
+#undef SHEETSPLAT_OPTION_NAME
+    // Not the limit's depths: they belong to one camera, and settings chosen for one view serve others near it.
+    bool all = fields == b.fields && same(transfer_function.points(), b.transfer_function.points()) &&
+               same_groups(later_groups, b.later_groups) && depth_limit.has_value() == b.depth_limit.has_value() &&
+               !counted && !b.counted && !part && !b.part;
+#define SHEETSPLAT_OPTION_SAME(type, name, ...) all = all && same(name, b.name);
+    SHEETSPLAT_SCENE_OPTIONS(SHEETSPLAT_OPTION_SAME)
+#undef SHEETSPLAT_OPTION_SAME
+    return all;
 }
 
 } // namespace sheetsplat

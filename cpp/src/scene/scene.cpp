@@ -53,7 +53,7 @@ void require_length(const std::optional<double>& length, const char* option) {
 }
 
 void check_iso_values(const Scene& scene) {
-    require(scene.mode != Mode::isosurface || !scene.iso_values.empty(),
+    require(!shows_surfaces(scene.mode) || !scene.iso_values.empty(),
             option_ref("mode", "isosurface") + " needs a value", "no " + option_ref("iso_value"),
             "the value of the surface", "pass " + option_ref("iso_value", "..."));
     for (const IsoValue& iso : scene.iso_values) {
@@ -134,24 +134,42 @@ void check_part(const Part& part) {
             "two finite depths, the nearer one first");
 }
 
+// Whether an option is set, and its value in words where they are short.
+bool is_set(bool on) { return on; }
+bool is_set(double value) { return value != 0.0; }
+template <class Value>
+bool is_set(const std::optional<Value>& value) {
+    return value.has_value();
+}
+template <class Value>
+bool is_set(const Value&) {
+    return false;
+}
+Words told(const char* name, bool) { return option_ref(name, "true"); }
+Words told(const char* name, const std::optional<double>& value) {
+    return option_ref(name, value ? text_of(*value) : std::string());
+}
+template <class Value>
+Words told(const char* name, const Value&) {
+    return option_ref(name);
+}
+
 // Effects that a mode cannot have, and pairs that contradict each other.
 void check_effects(const Scene& scene) {
-    const Words in_mode = " with " + option_ref("mode", name_of(scene.mode));
-    const Words composite = option_ref("mode", "composite");
-    const bool scalar = is_scalar(scene.mode);
-    const Words opacity =
-        option_ref("gradient_opacity", scene.gradient_opacity ? text_of(*scene.gradient_opacity) : std::string());
-    const auto need_colors = [&](bool on, const Words& name) {
-        require(!(on && scalar), together, name + in_mode,
-                "a picture of colours, which " + composite + " and " + option_ref("mode", "isosurface") + " make",
-                "leave it out or use another mode");
-    };
-    require(!scene.gradient_opacity || scene.mode == Mode::composite, together, opacity + in_mode,
-            option_ref("gradient_opacity") + " only in " + composite + ", where opacities count",
-            "leave out " + option_ref("gradient_opacity") + " or use " + composite);
-    need_colors(scene.depth_cue.has_value(), option_ref("depth_cue"));
-    need_colors(scene.shadows, option_ref("shadows", "true"));
-    need_colors(scene.ambient_occlusion.has_value(), option_ref("ambient_occlusion"));
+    for_each_option(scene, [&](const char* name, Applies applies, const auto& value) {
+        const bool fits = applies == Applies::always || (applies == Applies::colors && !is_scalar(scene.mode)) ||
+                          (applies == Applies::opacities && is_composited(scene.mode));
+        const Words composite = option_ref("mode", "composite");
+        const Words wanted =
+            applies == Applies::opacities
+                ? option_ref(name) + " only in " + composite + ", where opacities count"
+                : "a picture of colours, which " + composite + " and " + option_ref("mode", "isosurface") + " make";
+        require(fits || !is_set(value), together,
+                told(name, value) + " with " + option_ref("mode", name_of(scene.mode)), wanted,
+                applies == Applies::opacities ? "leave out " + option_ref(name) + " or use " + composite
+                                              : Words("leave it out or use another mode"));
+    });
+    const Words opacity = told("gradient_opacity", scene.gradient_opacity);
     require(!scene.second_order || scene.preintegration, together, "second_order without pre-integration",
             "second order only with pre-integration", "pass " + option_ref("preintegration", "true"));
     require(!scene.second_order || scene.later_groups.empty(), together,
@@ -164,9 +182,6 @@ void check_effects(const Scene& scene) {
     require(!scene.ambient_occlusion || !scene.gradient_opacity, together,
             option_ref("ambient_occlusion") + " with " + opacity,
             "one of them: ambient occlusion is computed without gradients", "leave one out");
-    require(!scene.preintegration || scene.mode == Mode::composite, together,
-            option_ref("preintegration", "true") + in_mode, option_ref("preintegration") + " only in " + composite,
-            "leave out " + option_ref("preintegration") + " or use " + composite);
 }
 
 } // namespace

@@ -31,7 +31,7 @@ ShadingInputs::OfGroup inputs_of(const Scene& scene, const Group& group, const F
     const TransferFunction& function = *group.transfer_function;
     const double unit = plan.unit_of(group.first);
     ShadingInputs::OfGroup inputs;
-    if (plan.mode == Mode::isosurface) {
+    if (shows_surfaces(plan.mode)) {
         for (const IsoValue& iso : iso_values) {
             inputs.surfaces.push_back({(iso.value - pivot) / unit, function.at(iso.value).color, iso.opacity});
         }

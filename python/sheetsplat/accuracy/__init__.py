@@ -15,9 +15,10 @@ if TYPE_CHECKING:
 
     from sheetsplat.accuracy.knobs import Clock
     from sheetsplat.accuracy.report import AccuracyReport
+    from sheetsplat.backends import Backend
     from sheetsplat.camera import Camera
     from sheetsplat.image import Image
-    from sheetsplat.options.renderer import Backend, Progress
+    from sheetsplat.options.renderer import Progress
     from sheetsplat.scene import Scene
 
 __all__ = ["accuracy"]

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, get_args
 
 from sheetsplat.camera import Camera
-from sheetsplat.options.core import COLORED
 from sheetsplat.scene import Scene
 
 # The times that a measurement may report and compare.
@@ -116,12 +115,6 @@ class Setting:
         """Return the kind of gradients with which it is drawn."""
         now: str = base.scene.options["gradient"]
         return self.series if self.knob == "gradient" and self.series else now
-
-
-def calls_for_gradients(scene: Scene) -> bool:
-    """Return whether the picture of a scene depends on gradients."""
-    lit = bool(scene.lights) or scene.options["gradient_opacity"] is not None
-    return lit and scene.mode in COLORED
 
 
 def call_text(name: str, options: Mapping[str, Any]) -> str:

@@ -12,11 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _sheetsplat
-from sheetsplat.accuracy.knobs import calls_for_gradients
 from sheetsplat.accuracy.sweeps import enlarge, smaller
+from sheetsplat.backends import DEFINING, EXACT
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Cancelled, InvalidInput, Unsupported, complain
 from sheetsplat.image import Image
+from sheetsplat.modes import TRAITS
+from sheetsplat.options.scene import calls_for_gradients
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 
@@ -77,19 +79,19 @@ def _finest(scene: Scene, factor: int) -> Scene:
         "preintegration": False,
     }
     steps = any(np.any(np.diff(function.points[:, 0]) == 0.0) for function in scene.transfer_functions)
-    if scene.mode == "composite" and steps:
+    if TRAITS[scene.mode].is_composited and steps:
         # Steps of the transfer function are exact with pre-integration, and of first order without.
         changes["preintegration"] = True
     return scene.replace(**changes)
 
 
 def _exactly(scene: Scene, camera: Camera, size: tuple[int, int], settings: dict[str, Any], watch: Watch) -> Image:
-    """Return a picture in float64 by backend cpu, or by the reference where cpu does not support the scene."""
+    """Return a picture in float64 by the exact backend, or by the reference where that does not support the scene."""
     try:
-        exact = Renderer("cpu", precision="float64", threads=settings.get("threads"))
+        exact = Renderer(EXACT, precision="float64", threads=settings.get("threads"))
         return exact.render(scene, camera, size=size, progress=watch)
     except Unsupported:
-        return Renderer("reference").render(scene, camera, size=size, progress=watch)
+        return Renderer(DEFINING).render(scene, camera, size=size, progress=watch)
 
 
 def limit(
@@ -108,7 +110,7 @@ def limit(
     the scene calls for any, which are the limit of small pixels as well.
     """
     words = "float64"
-    if calls_for_gradients(scene):
+    if calls_for_gradients(scene.options):
         words = "float64, gradients by differences"
         try:
             true = scene.replace(gradient="analytic")
@@ -217,7 +219,7 @@ class Judge:
         self._camera = camera
         self._size = size
         self._seconds = seconds
-        self._renderer = Renderer("reference")
+        self._renderer = Renderer(DEFINING)
         # By the factor by which the picture is smaller.
         self._made: dict[int, tuple[Image | None, str]] = {}
 

@@ -26,18 +26,19 @@ from sheetsplat.accuracy.knobs import (
     Base,
     Clock,
     Setting,
-    calls_for_gradients,
 )
 from sheetsplat.accuracy.lattice_sweeps import BEST_KERNEL, interpolating
 from sheetsplat.accuracy.report import AccuracyReport, AccuracyRow, TruthText, front
 from sheetsplat.accuracy.sweeps import sweep
+from sheetsplat.backends import Backend
 from sheetsplat.camera import Camera
 from sheetsplat.choose.picture import scene_of_quality
 from sheetsplat.errors import Cancelled, Error, complain, option_refs, unusable
 from sheetsplat.image import Image, pixels_of
 from sheetsplat.notices import muted
 from sheetsplat.options.core import COLORED
-from sheetsplat.options.renderer import Backend, Progress
+from sheetsplat.options.renderer import Progress, unused_by
+from sheetsplat.options.scene import calls_for_gradients
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 
@@ -132,7 +133,7 @@ class _Session:
         self._now: tuple[measure.Drawn, measure.Arithmetic] | None = None
         self._done, self._all, self._told = 0.0, 1.0, 0.0
         # Pictures with gradients by differences converge to another limit than those with analytic gradients.
-        self._two_limits = calls_for_gradients(base.scene)
+        self._two_limits = calls_for_gradients(base.scene.options)
 
     def run(self, knobs: tuple[str, ...], given: measure.Truth | None) -> AccuracyReport:
         settings = [setting for knob in knobs for setting in sweep(self._base, knob)]
@@ -184,9 +185,9 @@ class _Session:
 
     def _renderer(self, settings: Mapping[str, Any]) -> Renderer:
         options = {**self._base.settings, "backend": self._base.backend, **settings}
-        # Settings of one backend only; the other would warn about them.
-        for name in ("device", "tagging", "packing", "tags_per_clear") if options["backend"] == "cpu" else ("threads",):
-            if settings:
+        if settings:
+            # Settings that another backend has; this one would warn about them.
+            for name in unused_by(options["backend"]):
                 options.pop(name, None)
         key = tuple(sorted((name, repr(value)) for name, value in options.items()))
         if key not in self._renderers:

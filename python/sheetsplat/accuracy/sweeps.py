@@ -11,19 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.accuracy import lattice_sweeps
-from sheetsplat.accuracy.knobs import BEST, CONVERGED, INTERPOLATED, Base, Setting, call_text, calls_for_gradients
+from sheetsplat.accuracy.knobs import BEST, CONVERGED, INTERPOLATED, Base, Setting, call_text
+from sheetsplat.backends import BACKEND_TRAITS
 from sheetsplat.choose.picture import scene_of_quality
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.picture import unused
 from sheetsplat.options.quality import QUALITIES
+from sheetsplat.options.scene import calls_for_gradients
 from sheetsplat.transfer import TransferFunction
 
 _SPACINGS = (4.0, 2.0, 1.0, 0.5, 0.25)
 _CUTS = (0.9, 0.8, 0.7, 0.6, 0.5)
-_PRECISIONS = (
-    *(("gl", precision) for precision in ("uint8", "float16", "float32")),
-    *(("cpu", precision) for precision in ("float32", "float64")),
+_PRECISIONS = tuple(
+    (one.name, precision) for one in BACKEND_TRAITS.values() if not one.defines for precision in one.precisions
 )
 _TABLES = (16, 64, 256, 1024, 4096)
 _STOPS = (0.8, 0.9, 0.95, 0.98, 0.99, 0.999, 1.0)
@@ -53,13 +55,13 @@ def _unused(option: str, base: Base) -> str:
 def _no_stop(base: Base) -> str:
     """Return why the opacity at which pixels are finished has no effect, or an empty text."""
     # An opaque surface finishes a pixel whatever the stop is.
-    opaque = base.scene.mode == "isosurface" and all(opacity == 1.0 for _, opacity in base.scene.surfaces)
+    opaque = TRAITS[base.scene.mode].shows_surfaces and all(opacity == 1.0 for _, opacity in base.scene.surfaces)
     return "not used in mode isosurface" if opaque else _unused("opacity_stop", base)
 
 
 def _no_gradients(base: Base) -> str:
     """Return why gradients have no effect, or an empty text."""
-    needless = "" if calls_for_gradients(base.scene) else "nothing in the scene uses gradients"
+    needless = "" if calls_for_gradients(base.scene.options) else "nothing in the scene uses gradients"
     return _unused("gradient", base) or needless
 
 

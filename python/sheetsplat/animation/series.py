@@ -24,7 +24,7 @@ from sheetsplat.look.histogram import stride_of
 from sheetsplat.look.strays import without_strays
 from sheetsplat.notices import muted
 from sheetsplat.options.camera import CameraOptions
-from sheetsplat.options.core import MODES, definitions, pick, pick_given
+from sheetsplat.options.core import COMPOSITE, MODES, definitions, pick, pick_given
 from sheetsplat.options.data import OpenOptions
 from sheetsplat.options.look import DEFAULT_CMAP
 from sheetsplat.options.picture import LookOptions
@@ -96,7 +96,7 @@ def _drift(volumes: Sequence[RegularField], look: Mapping[str, Any], floor: floa
     both. Who gives limits or opacities has chosen.
     """
     chosen = any(look.get(name) is not None for name in ("clim", "opacity", "transfer_function"))
-    if chosen or floor is not None or look.get("mode", "composite") != "composite":
+    if chosen or floor is not None or look.get("mode", MODES[0]) not in COMPOSITE:
         return None
     levels = []
     for one in volumes:

@@ -16,6 +16,7 @@ from sheetsplat.bricks.partition import Grouped, grouped
 from sheetsplat.bricks.resident import renderer_of, residents
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.fields import Field
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.renderer import OUTPUTS
 from sheetsplat.scene import Scene
 from sheetsplat.tiles import window
@@ -79,9 +80,9 @@ def draw_brick(
         # Without a copy where the type is right: the array keeps the picture that it belongs to.
         return None if array is None else np.asarray(array, dtype)
 
-    scalar = of(image.scalar, np.float64 if view.mode in ("xray", "average") else np.float32)
+    scalar = of(image.scalar, np.float64 if TRAITS[view.mode].adds else np.float32)
     counts = of(image.counts)
-    if view.mode == "average" and scalar is not None and counts is not None:
+    if TRAITS[view.mode].mean and scalar is not None and counts is not None:
         scalar = np.where(counts > 0, scalar, 0.0) * counts
     return Partial(
         view.mode,

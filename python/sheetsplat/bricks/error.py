@@ -17,6 +17,7 @@ from sheetsplat.bricks.light_error import Measure
 from sheetsplat.bricks.partial import Finished, over_background
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.image import ErrorEstimate
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.core import checked
 from sheetsplat.options.renderer import Progress, RendererClassOptions
 from sheetsplat.plan import RenderPlan
@@ -60,7 +61,7 @@ def estimate_error(
     Error
         What drawing raises.
     """
-    given = {"backend": "cpu", "precision": "float64", "allow_inexact": True, "threads": view.settings["threads"]}
+    given = {"backend": EXACT, "precision": "float64", "allow_inexact": True, "threads": view.settings["threads"]}
     settings = checked("Renderer", given, RendererClassOptions)
     plain = view.replace(settings=settings, outputs=(), allowed=None, options={**view.options, "background": None})
     unstopped = _with(plain, opacity_stop=1.0)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.fields import RegularField
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.scene import surfaces_of
 from sheetsplat.quality.slicing import composited, phong, weakest_gradient
 
@@ -63,7 +64,7 @@ def level_of(view: BrickView, number: int, key: Any, field_at: Any) -> int:
 
 def _look(view: BrickView) -> bytes:
     """Return what the error of a level depends on, beside the samples."""
-    names = ("mode", "iso_value", "lights", "material", "slice_spacing", "reference_length", "gradient_opacity")
+    names = ("mode", "iso_value", "lights", "material", "slice_spacing", "reference_length")
     parts = [view.options[name] for name in names]
     told = pickle.dumps((parts, view.transfer_function.points, view.lattice, view.allowed, len(view.partition)), 5)
     return hashlib.blake2b(told, digest_size=16).digest()
@@ -88,7 +89,7 @@ def _coarsest(view: BrickView, number: int, field_at: Any) -> int:
 def _error(view: BrickView, wanted: Floats, found: Floats) -> float:
     """Return the error of lines: root mean square over those that show anything, of extrema the largest."""
     apart = found - wanted
-    if view.mode in ("mip", "minimum"):
+    if TRAITS[view.mode].is_extreme:
         # A ray of a picture shows the best of all that it passes.
         return float(np.abs(apart).max(initial=0.0))
     shown = (found != 0.0).any(axis=1) | (wanted != 0.0).any(axis=1)
@@ -143,7 +144,7 @@ def _seen(view: BrickView, field: RegularField, lines: _Lines) -> Floats:
             scalars[part], shown[part] = field.scalars_and_shown(points)
     if view.is_scalar:
         return _scalar(view, lines, line[shown], scalars[shown])
-    if view.mode == "isosurface":
+    if TRAITS[view.mode].shows_surfaces:
         return _surfaces(view, lines, scalars, gradients)
     known = view.transfer_function.at(scalars)
     opacity = np.minimum(known[:, 3], 1.0 - 2.0**-24)
@@ -197,12 +198,11 @@ def _surfaces(view: BrickView, lines: _Lines, scalars: Floats, gradients: Floats
 def _scalar(view: BrickView, lines: _Lines, line: Any, scalars: Floats) -> Floats:
     """Return sums or extrema of lines, (N, 1)."""
     found = np.zeros(len(lines.inside))
-    if view.mode in ("xray", "average"):
-        np.add.at(found, line, scalars)
-    else:
-        found[:] = -np.inf if view.mode == "mip" else np.inf
-        (np.maximum if view.mode == "mip" else np.minimum).at(found, line, scalars)
-        found[~np.isfinite(found)] = 0.0
+    reduce = TRAITS[view.mode].reduce
+    first, at = np.unique(line, return_index=True)
+    found[first] = scalars[at]
+    rest = np.delete(np.arange(len(line)), at)
+    reduce.at(found, line[rest], scalars[rest])
     result: Floats = found[:, None]
     return result
 
@@ -212,7 +212,7 @@ def _largest(view: BrickView, wanted: Floats, lines: _Lines) -> float:
     if not view.is_scalar:
         return 1.0
     largest = view.largest_sample
-    if view.mode in ("xray", "average"):
+    if TRAITS[view.mode].adds:
         # That of the brick; a ray that sees more passes others, with errors and sums of their own.
         most = largest * float(lines.inside.sum(axis=1).max(initial=1))
         largest = max(float(np.abs(wanted).max(initial=0.0)), _FAINT * most)

@@ -25,6 +25,7 @@ from sheetsplat.bricks.resident import renderer_of
 from sheetsplat.bricks.tasks import Tasks
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.fields import Bricked
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.renderer import Progress
 
 Floats = NDArray[np.float64]

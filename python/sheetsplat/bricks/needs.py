@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from sheetsplat.backends import EXACT
 from sheetsplat.bricks.kernel_source import KernelSource, supports_of
 from sheetsplat.bricks.lattice import Box, LatticeSpec
 from sheetsplat.bricks.level_choice import level_of
@@ -54,7 +55,7 @@ def partition_of(lattice: LatticeSpec, brick: int) -> Partition:
 
 def one_backend(settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return settings of a renderer with one backend for all processes, whatever devices they have."""
-    backend = "cpu" if settings["backend"] == "auto" else settings["backend"]
+    backend = EXACT if settings["backend"] == "auto" else settings["backend"]
     return {**settings, "backend": backend}
 
 

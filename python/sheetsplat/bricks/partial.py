@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 
 from sheetsplat.bricks.places import Rect
 from sheetsplat.bricks.view import BrickView
+from sheetsplat.modes import TRAITS
 
 Numbers = NDArray[Any]
-# Modes in which slices count, and a pixel without any is no number.
-_COUNTED = ("mip", "minimum", "average")
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +37,9 @@ class Partial:
         Premultiplied, float32 (h, w, 4); None in scalar modes. Of parts behind others the opacity is that of all that
         is in front too, and the colours are what they add.
     scalar
-        Modes xray and average: sums, float64; mip and minimum: extrema, float32.
+        Sums, float64; or extrema, float32.
     counts
-        Modes mip, minimum and average: how many slices count, 0 where the scalar means nothing.
+        How many slices count, in modes where that matters; 0 where the scalar means nothing.
     coverage
         Sums, float64, where asked for.
     depth
@@ -80,13 +79,12 @@ def empty(view: BrickView) -> Partial:
 def _blank(view: BrickView, rect: Rect) -> Partial:
     shape = (max(rect[3] - rect[1], 0), max(rect[2] - rect[0], 0))
     mode = view.mode
-    sums = mode in ("xray", "average")
     return Partial(
         mode,
         rect,
         rgba=None if view.is_scalar else np.zeros((*shape, 4), np.float32),
-        scalar=np.zeros(shape, np.float64 if sums else np.float32) if view.is_scalar else None,
-        counts=np.zeros(shape, np.float32) if mode in _COUNTED else None,
+        scalar=np.zeros(shape, np.float64 if TRAITS[mode].adds else np.float32) if view.is_scalar else None,
+        counts=np.zeros(shape, np.float32) if TRAITS[mode].counts else None,
         coverage=np.zeros(shape, np.float64) if "coverage" in view.outputs else None,
         depth=np.full(shape, np.inf, np.float32) if "depth" in view.outputs else None,
     )
@@ -147,10 +145,10 @@ def _add(front: Partial, back: Partial) -> None:
             np.add(rgba, _times(back.rgba, np.float32(1.0) - before), out=rgba)
     if back.depth is not None:
         np.minimum(made["depth"], back.depth, out=made["depth"])
-    if back.mode in ("mip", "minimum"):
+    mode = TRAITS[back.mode]
+    if mode.is_extreme:
         a, b = made["scalar"], more["scalar"]
-        better = np.maximum if back.mode == "mip" else np.minimum
-        a[...] = np.where(made["counts"] == 0, b, np.where(more["counts"] == 0, a, better(a, b)))
+        a[...] = np.where(made["counts"] == 0, b, np.where(more["counts"] == 0, a, mode.reduce(a, b)))
     elif back.scalar is not None:
         made["scalar"] += back.scalar
     for name in ("counts", "coverage"):
@@ -193,7 +191,7 @@ def finish(view: BrickView, part: Partial) -> Finished:
     if rgba is not None:
         rgba = over_background(view, rgba)
     if counts is not None and scalar is not None:
-        scalar = np.where(counts > 0, scalar / np.maximum(counts, 1.0) if view.mode == "average" else scalar, np.nan)
+        scalar = np.where(counts > 0, scalar / np.maximum(counts, 1.0) if TRAITS[view.mode].mean else scalar, np.nan)
     if scalar is not None:
         scalar = scalar.astype(np.float32)
     coverage = None if whole.coverage is None else whole.coverage.astype(np.float32)

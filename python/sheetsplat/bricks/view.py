@@ -19,9 +19,10 @@ from sheetsplat.bricks.whole import Whole
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Unsupported, complain, option_ref
 from sheetsplat.limits import Depths
-from sheetsplat.options.core import SCALAR, checked
+from sheetsplat.modes import TRAITS
+from sheetsplat.options.core import checked
 from sheetsplat.options.renderer import RendererClassOptions
-from sheetsplat.options.scene import SceneOptions, surfaces_of
+from sheetsplat.options.scene import SceneOptions, calls_for_gradients, surfaces_of
 from sheetsplat.transfer import TransferFunction
 
 # Distances are enlarged by this, so that rounding does not leave out a kernel that just reaches.
@@ -121,14 +122,14 @@ class BrickView:
 
     @property
     def mode(self) -> str:
-        """One of "composite", "isosurface", "xray", "mip", "minimum" and "average"."""
+        """The mode: a name of `sheetsplat.modes`."""
         mode: str = self.options["mode"]
         return mode
 
     @property
     def is_scalar(self) -> bool:
         """Whether the picture is one of numbers, without colours."""
-        return self.mode in SCALAR
+        return TRAITS[self.mode].is_scalar
 
     @property
     def is_dimmed(self) -> bool:
@@ -139,15 +140,15 @@ class BrickView:
     @property
     def any_order(self) -> bool:
         """Whether bricks can be drawn alone, in any order: where no pixel is finished before its last brick."""
-        without_stop = self.mode == "composite" and self.opacity_stop >= 1.0 and "depth" not in self.outputs
-        return self.is_scalar or without_stop
+        without_stop = TRAITS[self.mode].is_composited and self.opacity_stop >= 1.0 and "depth" not in self.outputs
+        return TRAITS[self.mode].any_order or without_stop
 
     @property
     def opacity_stop(self) -> float:
         """Opacity at which a pixel is finished; 1: never."""
         stop: float = self.options["opacity_stop"]
         surfaces = surfaces_of(self.options["iso_value"])
-        opaque = self.mode == "isosurface" and all(opacity == 1 for _, opacity in surfaces)
+        opaque = TRAITS[self.mode].shows_surfaces and all(opacity == 1 for _, opacity in surfaces)
         return 0.5 if opaque else stop
 
     @property
@@ -248,8 +249,7 @@ class BrickView:
     @property
     def _gradients(self) -> bool:
         """Whether light or opacity depends on differences of neighbouring pixels and slices."""
-        called = bool(self.options["lights"]) or self.options["gradient_opacity"] is not None
-        return called and not self.is_scalar and self.options["gradient"] == "sheets"
+        return calls_for_gradients(self.options) and self.options["gradient"] == "sheets"
 
     def margin(self, number: int) -> float:
         """Return how far beyond the cell of a brick the picture looks at the field, world units.
@@ -262,13 +262,13 @@ class BrickView:
         depth = self._farthest()
         if self.camera.kind == "perspective":
             depth = max(float(self.places.depths[number, 1]), 0.0)
-        intervals = self.mode == "isosurface" or bool(self.options["preintegration"])
+        intervals = TRAITS[self.mode].shows_surfaces or bool(self.options["preintegration"])
         steps = float(intervals) + float(self._gradients)
         if self.options["preintegration"] == "second_order":
             steps = 2.0
         if self.options["sampling"] == "slab":
             steps += 0.5
-        if self.is_dimmed and self.mode == "isosurface":
+        if self.is_dimmed and TRAITS[self.mode].shows_surfaces:
             steps = max(steps, _AROUND_SURFACES)
         sideways = self._pixel(depth) if self._gradients else 0.0
         along = (steps + _MOVED) * self.slice_spacing * self._slant()
@@ -296,16 +296,16 @@ class BrickView:
     def may_show(self, value_range: tuple[float, float]) -> bool:
         """Return whether kernels with factors in a range, all that reach a brick, can show anything at all."""
         # An extremum or a mean is that of the points that count, whatever their values.
-        if "coverage" in self.outputs or self.mode in ("mip", "minimum", "average"):
+        if "coverage" in self.outputs or TRAITS[self.mode].counts:
             return True
         low, high = self._scalars(value_range)
         if math.isinf(high):
             return True
         base = self.whole.base
-        if self.mode == "xray":
+        if TRAITS[self.mode].adds:
             return base != 0.0 or low < 0.0 or high > 0.0
         low, high = self._widened(low, high)
-        if self.mode == "isosurface":
+        if TRAITS[self.mode].shows_surfaces:
             return any(low < value - base <= high for value, _ in surfaces_of(self.options["iso_value"]))
         return shows(self.transfer_function, low + base, high + base)
 
@@ -314,7 +314,7 @@ class BrickView:
         low, high = self._scalars(value_range)
         if math.isinf(high):
             return True
-        if self.mode == "isosurface":
+        if TRAITS[self.mode].shows_surfaces:
             # Where it is below all surfaces the scalar says where between two bricks one is.
             return low < 0.0 or high > 0.0
         low, high = self._widened(low, high)

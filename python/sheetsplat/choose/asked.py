@@ -8,10 +8,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from sheetsplat._checks import choice
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.quality import QUALITIES
 from sheetsplat.quality.slicing import SLICES
 
-_TWICE = dict.fromkeys(("composite", "isosurface", "mip", "minimum"), 2)
+# Sums along rays need no more slices, and means few.
+_TWICE = {name: 2 for name, mode in TRAITS.items() if not mode.adds}
+_MEANS = {name: 2 for name, mode in TRAITS.items() if mode.mean}
+_COMPOSITE = {name: 2 for name, mode in TRAITS.items() if mode.is_composited}
 # What a draft may be wrong.
 _ROUGH = 2e-2
 #: Options that decide on the distance of slices where they are given.
@@ -65,12 +69,12 @@ class Level:
 # Found by measurement: docs/quality.md, "Accuracy and time of each quality", and ./run bench quality.
 _LEVELS = {
     "draft": Level(None, {}, {}, {}, (1e-2, 128), None, None, False),
-    "good": Level((2.0, 5.0), _TWICE, _TWICE, {"composite": 2}, (5e-3, 256), (5e-3, 2, 3), 0.995, True),
+    "good": Level((2.0, 5.0), _TWICE, _TWICE, _COMPOSITE, (5e-3, 256), (5e-3, 2, 3), 0.995, True),
     "best": Level(
         (2.5, 7.0),
-        {**dict.fromkeys(_TWICE, 4), "unlit": 3, "average": 2},
-        {**dict.fromkeys(_TWICE, 6), "average": 2},
-        {"composite": 4, "isosurface": 2, "mip": 2, "minimum": 2},
+        {**dict.fromkeys(_TWICE, 4), "unlit": 3, **_MEANS},
+        {**dict.fromkeys(_TWICE, 6), **_MEANS},
+        {**_TWICE, **dict.fromkeys(_COMPOSITE, 4)},
         (1.7e-3, 512),
         (1.7e-3, 4, 8),
         0.999,

@@ -19,8 +19,9 @@ from sheetsplat.look import automatic
 from sheetsplat.look.histogram import Look
 from sheetsplat.look.strays import COARSE, kernel_spacing
 from sheetsplat.look.surface import surface_limits
+from sheetsplat.modes import TRAITS
 from sheetsplat.notices import warn
-from sheetsplat.options.core import COLORED, check_names, pick_given
+from sheetsplat.options.core import COLORED, COMPOSITE, MODES, SURFACES, check_names, pick_given
 from sheetsplat.options.look import DEFAULT_CMAP
 from sheetsplat.options.picture import LookOptions
 from sheetsplat.options.scene import SceneOptions, iso_value_of
@@ -58,9 +59,9 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
     """
     check_names("render", options, LookOptions)
     given = pick_given(SceneOptions, options)
-    mode = given.get("mode", "composite")
+    mode = given.get("mode", MODES[0])
     chosen = cache(partial(automatic.choose, fields))
-    if mode == "isosurface":
+    if mode in SURFACES:
         # An iterator can be read once.
         iso = given.get("iso_value")
         given["iso_value"] = chosen().surface if iso is None else iso_value_of("render: iso_value", iso)
@@ -92,14 +93,16 @@ def _warn_of_one_value(scene: Scene) -> None:
     """Warn of volumes whose samples are all equal: there is nothing to choose a look by."""
     volumes = [one for one in scene.fields if one.size]
     # X-rays show how thick a volume is.
-    if scene.mode == "xray" or not volumes or not all(isinstance(one, RegularField) for one in volumes):
+    if TRAITS[scene.mode].integrates or not volumes or not all(isinstance(one, RegularField) for one in volumes):
         return
     (low, high), *others = [one.value_range for one in volumes]
     # A surface lies where values differ: in volumes that end there is none.
-    ends = scene.mode == "isosurface" and all(isinstance(one, RegularField) and one.domain for one in volumes)
-    told_as_empty = ends or (low == 0.0 and scene.mode != "composite")
+    ends = TRAITS[scene.mode].shows_surfaces and all(isinstance(one, RegularField) and one.domain for one in volumes)
+    told_as_empty = ends or (low == 0.0 and not TRAITS[scene.mode].is_composited)
     if low == high and all(found == (low, low) for found in others) and not told_as_empty:
-        shown = "a translucent block, with limits around that value" if scene.mode == "composite" else "its block"
+        shown = (
+            "a translucent block, with limits around that value" if TRAITS[scene.mode].is_composited else "its block"
+        )
         warn(f"all samples are {low:g}: there is nothing in the volume to tell apart, and the picture shows {shown}")
 
 
@@ -164,7 +167,7 @@ def _transfer_function(
         return TransferFunction.preset(given) if isinstance(given, str) else given, None
     if mode not in COLORED:
         return _COLORLESS, None
-    if mode == "isosurface" and clim is None:
+    if mode in SURFACES and clim is None:
         clim = surface_limits(fields, iso_value_of("render: iso_value", iso_value))
     look = chosen() if opacity is None or clim is None else None
     if look is not None:
@@ -180,10 +183,10 @@ def suggested_look(data: object, given: Mapping[str, object]) -> dict[str, Any]:
     if not isinstance(suggested, Mapping) or {"transfer_function", "cmap", "opacity", "clim"} & given.keys():
         return {}
     look: dict[str, Any] = {}
-    mode = given.get("mode") or suggested.get("mode", "composite")
-    if mode == "isosurface" and "iso_value" in suggested and "iso_value" not in given:
+    mode = given.get("mode") or suggested.get("mode", MODES[0])
+    if mode in SURFACES and "iso_value" in suggested and "iso_value" not in given:
         look["iso_value"] = suggested["iso_value"]
-    if mode == "composite" or "iso_value" in look:
+    if mode in COMPOSITE or "iso_value" in look:
         maker: Any = data
         look["transfer_function"] = maker.transfer_function()
     return {"mode": mode, **look}

@@ -21,6 +21,7 @@ from sheetsplat.framing import compose_camera, fitting_depth_cue
 from sheetsplat.look.decades import in_decades
 from sheetsplat.look.strays import without_strays
 from sheetsplat.look.surface import surface_text
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import definitions, pick, pick_given
 from sheetsplat.options.picture import LookOptions
@@ -76,7 +77,7 @@ def choose(
             scene = scene.sketch(depth_cue=fitting_depth_cue(scene, camera, cue_color))
         scene, set_ = at_quality(scene, asked, camera, size)
     decided = _decided(scene, camera, asked, (*kernels, *set_))
-    for note in (*scene.notes, *([surface_text(scene)] if scene.mode == "isosurface" else [])):
+    for note in (*scene.notes, *([surface_text(scene)] if TRAITS[scene.mode].shows_surfaces else [])):
         _log.info("%s", note)
     return decided
 
@@ -87,7 +88,7 @@ def kept(scene: Scene, options: Mapping[str, Any], asked: Asked, size: Size) -> 
     values: dict[str, Any] = {"slice_spacing": scene.slice_spacing, "filter": scene.filter or "off"}
     if volumes:
         values["prefilter"] = any(one.prefilter for one in volumes)
-    if scene.mode == "composite":
+    if TRAITS[scene.mode].is_composited:
         values["opacity_stop"] = scene.options["opacity_stop"]
     values["supersampling"] = scene.supersampling
     set_ = tuple(Decision(name, value, "as the scene has it", "caller") for name, value in values.items())
@@ -105,7 +106,7 @@ def camera_of(scene: Scene, size: Size, options: Mapping[str, Any]) -> Camera:
 
 def fitted(scene: Scene, asked: Asked, camera: Camera, size: Size) -> Scene:
     """Return an x-ray that was chosen with the slices and samples that another camera or size calls for."""
-    if scene.mode != "xray" or "supersampling" in asked:
+    if not TRAITS[scene.mode].integrates or "supersampling" in asked:
         return scene
     made = applied(scene, [slice_spacing(scene, asked, (camera, size))])
     return applied(made, [supersampling(made, asked, camera, size)]).with_quality(scene.quality)
@@ -128,7 +129,7 @@ def at_quality(scene: Scene, asked: Asked, camera: Camera, size: Size) -> tuple[
     light = error_of_light(scene, asked, camera, size)
     of_light = samples_for_light(scene, asked, light)
     of_slices = [slice_spacing(scene, asked, (camera, size), light, of_light.value)]
-    if scene.mode == "composite":
+    if TRAITS[scene.mode].is_composited:
         of_slices.append(opacity_stop(scene, asked))
     sliced = applied(scene, of_slices)
     samples = supersampling(sliced, asked, camera, size, of_light)

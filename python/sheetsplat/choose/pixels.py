@@ -6,7 +6,7 @@ from sheetsplat.camera import Camera
 from sheetsplat.choose.asked import Asked
 from sheetsplat.choose.decisions import AS_GIVEN, Decision
 from sheetsplat.fields import RegularField
-from sheetsplat.options.core import SUMMING
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.scene import MOST_SAMPLES
 from sheetsplat.quality.thin import (
     LEAST_WRONG,
@@ -64,7 +64,7 @@ def supersampling(scene: Scene, asked: Asked, camera: Camera, size: Size, lit: D
     """Return how many samples a pixel has along each axis, with the slices of a scene and what its light calls for."""
     if "supersampling" in asked:
         return Decision("supersampling", scene.supersampling, AS_GIVEN, "caller")
-    if scene.mode not in SUMMING or not asked.level.filters:
+    if not TRAITS[scene.mode].adds or not asked.level.filters:
         return lit
     most = min(MOST_SAMPLES, max(1, _MOST_FINE // max(size)))
     ends = min(samples_for_ends(scene, camera, size), most)
@@ -108,7 +108,7 @@ def kernel_filter(scene: Scene, asked: Asked, camera: Camera, size: Size) -> Dec
 
 def _calls_for_filter(scene: Scene, camera: Camera, size: Size) -> tuple[bool, str]:
     """Return whether small kernels call for the filter, and why."""
-    if scene.mode in SUMMING:
+    if TRAITS[scene.mode].adds:
         return _sums_call_for_filter(scene, camera, size)
     if any(isinstance(one, RegularField) for one in scene.fields):
         # Measured up to 8 samples a pixel (docs/quality.md).

@@ -13,7 +13,8 @@ from sheetsplat.choose.decisions import AS_GIVEN, Decision
 from sheetsplat.fields import EllipsoidField, Field, RegularField, default_spacing
 from sheetsplat.look.histogram import Look
 from sheetsplat.look.measure import Floats
-from sheetsplat.options.core import COLORED
+from sheetsplat.modes import TRAITS
+from sheetsplat.options.core import COLORED, COMPOSITE
 from sheetsplat.quality.slicing import SLICES, can_be_estimated, depth_extent, has_lit_kernels, slicing_error
 from sheetsplat.quality.thin import LEAST_UNMET, slices_for_ends, unmet_kernels
 from sheetsplat.scene import Scene
@@ -94,13 +95,13 @@ def slices_more(level: Level, scene: Scene) -> int:
     volumes = [one for one in scene.fields if isinstance(one, RegularField)]
     plain = not any(one.prefilter for one in volumes)
     counts = level.scattered if not volumes else level.plain_volumes if plain else level.volumes
-    kind = "unlit" if scene.mode == "composite" and not scene.lights else scene.mode
+    kind = "unlit" if TRAITS[scene.mode].is_composited and not scene.lights else scene.mode
     return counts.get(kind, counts.get(scene.mode, 1))
 
 
 def spacing_of_data(fields: Sequence[Field], mode: str, look: Look | None) -> float | None:
     """Return the distance of slices that data call for in a mode, under a look that was chosen; None: the default."""
-    if mode == "composite":
+    if mode in COMPOSITE:
         return None if look is None else look.slice_spacing
     if mode not in COLORED:
         return _of_numbers(fields)

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import click
 
+from sheetsplat.backends import Backend
 from sheetsplat.cli.options import apply, as_json, common, single
 from sheetsplat.cli.output import progress_bar, report, report_json, say
 from sheetsplat.options.picture import PictureOptions
 from sheetsplat.options.quality import QualityOptions
-from sheetsplat.options.renderer import Backend, RendererOptions
+from sheetsplat.options.renderer import RendererOptions
 
 _DATASETS = ("marschner_lobb", "noisy_ball", "tubes")
 

@@ -14,6 +14,7 @@ from sheetsplat.cli.options import as_json, check_mode, common, scene_options
 from sheetsplat.cli.output import check_outputs, progress_bar, report_json, say
 from sheetsplat.cli.scene import given_keywords, is_scene_file, prepare, prepare_again, prepare_scene_file
 from sheetsplat.io.formats import LISTED_REGULAR, LISTED_SCATTERED
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.renderer import Output
 
 _PATH = click.Path(path_type=Path, dir_okay=False)
@@ -112,7 +113,7 @@ def command(
         else:
             check_mode(options, tuple(extra))
             scene, camera, renderer, size = prepare(file, options, None if bricks is None else bricks.open)
-        for note in (*scene.notes, *([surface_text(scene)] if scene.mode == "isosurface" else [])):
+        for note in (*scene.notes, *([surface_text(scene)] if TRAITS[scene.mode].shows_surfaces else [])):
             say(note, quiet=quiet)
         with progress_bar(file.name, quiet=quiet) as progress:
             picture: dict[str, Any] = {"size": size, "outputs": tuple(extra), "progress": progress}
@@ -129,7 +130,7 @@ def command(
         written = {"output": str(output)}
         written |= {name: str(path) for name, path in extra.items()}
         surface: dict[str, Any] = {}
-        if scene.mode == "isosurface":
+        if TRAITS[scene.mode].shows_surfaces:
             surface = {"iso_value": scene.iso_value, "color": list(surface_color(scene, scene.surfaces[0][0]))}
         report_json({**written, **surface, "seconds": seconds, "plan": image.plan.to_dict(), "stats": image.stats})
     say(f"{output}: {size[0]} x {size[1]} pixels by {image.plan.backend} in {seconds:.2f} s", quiet=quiet)

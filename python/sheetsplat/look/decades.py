@@ -13,7 +13,8 @@ from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Fiel
 from sheetsplat.fields.samples import Samples, samples_of
 from sheetsplat.look.histogram import beyond_pictures, choose_for
 from sheetsplat.look.measure import with_values
-from sheetsplat.options.core import COLORED
+from sheetsplat.options.core import COLORED, MODES
+from sheetsplat.options.look import IN_VALUES
 
 # Decades from the 1st to the 99.9th percentile of the kernels, or of the samples.
 _DECADES = 3.0
@@ -24,8 +25,6 @@ _LEAST_SEEN = 0.01
 _FLOOR = 0.1
 # Largest share of values of exactly 0.
 _ZEROS = 0.5
-# Options whose numbers are values of the field as it is.
-_IN_VALUES = ("transfer_function", "clim", "iso_value", "gradient_opacity")
 
 
 def in_decades(fields: Sequence[Field], look: Mapping[str, Any], log: object) -> list[Field]:
@@ -41,10 +40,10 @@ def in_decades(fields: Sequence[Field], look: Mapping[str, Any], log: object) ->
         The option of this name: only None asks.
     """
     same = list(fields)
-    mode = look.get("mode", "composite")
+    mode = look.get("mode", MODES[0])
     if log is not None or len(same) != 1 or not (isinstance(mode, str) and mode in COLORED):
         return same
-    if _holds_pairs(look.get("opacity")) or any(look.get(name) is not None for name in _IN_VALUES):
+    if _holds_pairs(look.get("opacity")) or any(look.get(name) is not None for name in IN_VALUES):
         return same
     floor = floor_of(same[0])
     return same if floor is None else [logarithmic(same[0], floor)]

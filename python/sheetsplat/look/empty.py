@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sheetsplat.fields import BrickedField, EllipsoidField, Field, RegularField
 from sheetsplat.look import automatic
 from sheetsplat.look.histogram import stride_of
+from sheetsplat.modes import TRAITS
 from sheetsplat.notices import is_muted, warn
 from sheetsplat.quality.thin import may_be_thin
 
@@ -83,17 +84,17 @@ def why_empty(
     ranges = [_range_of(one) for one in known]
     low, high = sum(low for low, _ in ranges), sum(high for _, high in ranges)
     values = f"the values {low:g} to {high:g}"
-    if low == high == 0 and scene.mode != "composite":
+    if low == high == 0 and not TRAITS[scene.mode].is_composited:
         return "all values are 0"
-    if scene.mode == "isosurface":
+    if TRAITS[scene.mode].shows_surfaces:
         outside = _outside(scene, low, high, sum(one.base for one in known))
         if len(outside) == len(scene.surfaces):
             return _told_outside(outside, values)
         if not any(opacity for iso, opacity in scene.surfaces if iso not in outside):
             return "the opacity of the surfaces is 0"
-    elif scene.mode == "composite" and all(function.max_opacity == 0 for function in scene.transfer_functions):
+    elif TRAITS[scene.mode].is_composited and all(function.max_opacity == 0 for function in scene.transfer_functions):
         return "the opacity is 0 everywhere"
-    elif scene.mode == "composite" and len(scene.transfer_functions) == 1:
+    elif TRAITS[scene.mode].is_composited and len(scene.transfer_functions) == 1:
         function = scene.transfer_functions[0]
         inside = [value for value in function.points[:, 0].tolist() if low <= value <= high]
         if not function.at([low, *inside, high])[..., 3].any():
@@ -127,7 +128,7 @@ def _told_outside(outside: Sequence[float], values: str) -> str:
 def _absent_surfaces(scene: Scene) -> str:
     """Return in words which iso values of a scene that shows others lie outside its values, or ""."""
     known = [one for one in scene.fields if one.size]
-    if scene.mode != "isosurface" or len(scene.surfaces) < 2 or not known:
+    if not TRAITS[scene.mode].shows_surfaces or len(scene.surfaces) < 2 or not known:
         return ""
     ranges = [_range_of(one) for one in known]
     # Of each group where it is alone, and of sums.
@@ -142,7 +143,7 @@ def _absent_surfaces(scene: Scene) -> str:
 
 def _few_seen(scene: Scene, fields: Sequence[Field]) -> str:
     """Return in words that hardly any value of a single field has an opacity, or ""."""
-    if len(fields) > 1 or scene.mode != "composite":
+    if len(fields) > 1 or not TRAITS[scene.mode].is_composited:
         return ""
     values = _values_of(fields[0])
     values = values[~np.isnan(values)] if values.dtype.kind == "f" else values
@@ -175,7 +176,7 @@ def why_one_color(image: Image, scene: Scene) -> str:
             return ""
         numbers = image.scalar[~np.isnan(image.scalar)]
         return _beyond((float(numbers.min()), float(numbers.max())), image.clim) if numbers.size else ""
-    if scene.mode != "composite":
+    if not TRAITS[scene.mode].is_composited:
         return ""
     for number, (group, function) in enumerate(zip(scene.groups, scene.transfer_functions, strict=True)):
         limits = function.v_min, function.v_max

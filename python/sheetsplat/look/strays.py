@@ -20,7 +20,8 @@ from sheetsplat.fields.samples import ArraySamples, Samples
 from sheetsplat.fields.trim import Trim
 from sheetsplat.look.histogram import usual_value, within_pictures
 from sheetsplat.notices import warn
-from sheetsplat.options.core import COLORED
+from sheetsplat.options.core import COLORED, MODES
+from sheetsplat.options.look import IN_VALUES
 
 Floats = NDArray[np.float64]
 
@@ -34,8 +35,8 @@ _FEWEST, _SEVERAL = 20, 100
 _FADING = 2.0
 # Slices so many times as far apart as kernels call for miss much of them.
 COARSE = 2.0
-# Options whose numbers are values of the field, and may be meant for the largest.
-_IN_VALUES = ("transfer_function", "iso_value", "gradient_opacity")
+# Options that may be meant for the largest values of the field.
+_FOR_LARGEST = tuple(name for name in IN_VALUES if name != "clim")
 
 
 def kernel_spacing(field: EllipsoidField) -> float:
@@ -57,7 +58,7 @@ def without_strays(fields: Sequence[Field], look: Mapping[str, Any], *, framed: 
         Whether the camera is chosen by what is seen. One that is given may look at the strays.
     """
     shown = list(fields)
-    if look.get("mode", "composite") in COLORED and not any(look.get(name) is not None for name in _IN_VALUES):
+    if look.get("mode", MODES[0]) in COLORED and not any(look.get(name) is not None for name in _FOR_LARGEST):
         shown = [_within(one, look.get("clim")) for one in shown]
         if look.get("clim") is None:
             _warn_of_fading(shown)

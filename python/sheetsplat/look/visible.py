@@ -14,6 +14,7 @@ from sheetsplat._checks import Bounds, triple
 from sheetsplat.camera import Camera
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.look.measure import Floats, Measure, coarse_picture, measure_kernels, measure_volumes
+from sheetsplat.modes import TRAITS
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 
@@ -57,12 +58,13 @@ def visible_points(scene: Scene, camera: Camera) -> tuple[Floats, float] | None:
 
     None where that is everything. What can be seen is found in a coarse picture along the view: the opacity of a ray is
     1 - exp(-sum of optical depths), whatever lies in front, so a histogram of positions weighted by their optical
-    depths is enough. The mode "xray" has values for optical depths, "isosurface" all that is on the dense side of the
-    surface, "mip" and "average" all that is not dark; where the minimum of a ray is shown, everything counts.
+    depths is enough. Integrals have values for optical depths, surfaces all that is on their dense side, maxima and
+    means all that is not dark; where the minimum of a ray is shown, everything counts.
     """
-    if scene.mode == "minimum":
+    mode = TRAITS[scene.mode]
+    if mode.fold == "smallest":
         return None
-    as_sum, by_brightness = scene.mode == "xray", scene.mode in ("mip", "average")
+    as_sum, by_brightness = mode.integrates, mode.counts
     parts, looked_at = [], 0
     for one, others, function in _measures(scene):
         looked_at += len(one.values)
@@ -195,12 +197,13 @@ def _limits_of(scene: Scene) -> tuple[float, float]:
 
 def _depths(values: Floats, scene: Scene, function: TransferFunction) -> Floats:
     """Return optical depths per world unit, or what stands for them in other modes."""
-    if scene.mode == "xray":
+    mode = TRAITS[scene.mode]
+    if mode.integrates:
         return np.abs(values)
-    if scene.mode in ("mip", "average"):
+    if mode.is_scalar:
         low, high = _limits_of(scene)
         return np.where(values > low + _VISIBLE * (high - low), 1e3 / scene.reference_length, 0.0)
-    if scene.mode == "isosurface":
+    if mode.shows_surfaces:
         # A wall of any thickness hides what is behind it.
         lowest = min((value for value, opacity in scene.surfaces if opacity > 0), default=math.inf)
         return np.where(values >= lowest, 1e3 / scene.reference_length, 0.0)

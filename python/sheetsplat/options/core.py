@@ -12,16 +12,16 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin
 
 from sheetsplat._checks import nearest_names
 from sheetsplat.errors import Error, InvalidInput, complain
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.values import Value
 
-Mode = Literal["composite", "isosurface", "xray", "mip", "minimum", "average"]
+Mode = Literal["composite", "isosurface", "mip", "minimum", "average", "xray"]
 MODES: tuple[str, ...] = get_args(Mode)
-# Modes that show colours, the one that also accumulates opacity, and those that make one number a pixel.
-COLORED = ("composite", "isosurface")
-COMPOSITE = ("composite",)
-# Modes whose pixels are sums along rays: they have the mass of what they show, or lose it between pixels and slices.
-SUMMING = ("xray", "average")
-SCALAR = tuple(mode for mode in MODES if mode not in COLORED)
+# Modes that show colours, those that also accumulate opacity, and those that make one number a pixel.
+COLORED = tuple(mode for mode in MODES if not TRAITS[mode].is_scalar)
+COMPOSITE = tuple(mode for mode in MODES if TRAITS[mode].is_composited)
+SURFACES = tuple(mode for mode in MODES if TRAITS[mode].shows_surfaces)
+SCALAR = tuple(mode for mode in MODES if TRAITS[mode].is_scalar)
 
 # Converts the value of an option, or raises InvalidInput; the first argument names the option in the message.
 Check = Callable[[str, Any], Any]
@@ -92,6 +92,10 @@ class Option:
         The modes that use it.
     effect
         The effect of the plan that any value but the default switches on.
+    in_values
+        It is given in values of the field.
+    gradients
+        Any value but None calls for gradients.
     backends
         The backends that use it, for options of the renderer; all unless given.
     check
@@ -113,6 +117,8 @@ class Option:
     accepts: str = ""
     modes: tuple[str, ...] = MODES
     effect: str = ""
+    in_values: bool = False
+    gradients: bool = False
     backends: tuple[str, ...] = ()
     check: Check | None = None
     flag: str = ""

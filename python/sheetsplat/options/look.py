@@ -5,7 +5,8 @@ from typing import Annotated, TypedDict
 
 from numpy.typing import ArrayLike
 
-from sheetsplat.options.core import COLORED, COMPOSITE, SCALAR, CommandLine, Option
+from sheetsplat.options.core import COLORED, COMPOSITE, SCALAR, CommandLine, Option, definitions
+from sheetsplat.options.scene import SceneOptions
 from sheetsplat.options.values import Numbers, Special
 from sheetsplat.transfer import Colormap, Opacity, TransferFunction
 
@@ -50,6 +51,7 @@ class TransferOptions(TypedDict, total=False):
             unset="by the histogram; for an isosurface limits that give it a colour from the upper part of the map; in "
             "scalar modes by the picture",
             accepts="two numbers",
+            in_values=True,
             value=Numbers("LOW,HIGH", 2, rising=True),
         ),
     ]
@@ -69,6 +71,7 @@ class TransferOptions(TypedDict, total=False):
             "of the names ct_bone, ct_muscle and ct_lung, for CT in Hounsfield units. A list has one for each of "
             "several fields, which are then classified each by itself.",
             accepts="TransferFunction, str, array (N, 5), or sequence of TransferFunction",
+            in_values=True,
             cli=(
                 CommandLine(
                     value=Special.TEXT,
@@ -89,3 +92,9 @@ class TransferOptions(TypedDict, total=False):
             harmless=True,
         ),
     ]
+
+
+#: Options that are given in values of the field as it is.
+IN_VALUES = tuple(
+    name for group in (TransferOptions, SceneOptions) for name, one in definitions(group).items() if one.in_values
+)

@@ -4,12 +4,12 @@ from collections.abc import Callable, Mapping
 from typing import Annotated, Literal, TypedDict, get_args
 
 from sheetsplat._checks import choice, number, shown, truth, whole
+from sheetsplat.backends import BACKEND_TRAITS, Backend
 from sheetsplat.errors import complain, unusable
 from sheetsplat.options.checks import one_of, optional
-from sheetsplat.options.core import CommandLine, Option
+from sheetsplat.options.core import CommandLine, Option, definitions
 from sheetsplat.options.values import POSITIVE, Special, Whole
 
-Backend = Literal["auto", "gl", "cpu", "reference"]
 Precision = Literal["auto", "uint8", "float16", "float32", "float64"]
 Tagging = Literal["auto", "depth_bounds", "depth_equal", "tiles", "off"]
 Packing = Literal["auto", "paper", "wide"]
@@ -192,3 +192,10 @@ class RendererClassOptions(BackendOptions, RendererKeywords, total=False):
 
 class RendererOptions(BackendOptions, RendererSettings, total=False):
     """How a picture is drawn."""
+
+
+def unused_by(backend: str) -> list[str]:
+    """Return the names of options that a backend does not use."""
+    named = definitions(RendererClassOptions).items()
+    ways = [] if BACKEND_TRAITS[backend].ways else ["tagging", "packing"]
+    return ways + [name for name, option in named if option.backends and backend not in option.backends]

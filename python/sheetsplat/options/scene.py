@@ -1,6 +1,6 @@
 """The options of a scene: sampling, effects, mode, light."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated, Any, Literal, TypedDict, get_args
 
 import numpy as np
@@ -21,8 +21,9 @@ from sheetsplat._checks import (
 from sheetsplat.effects import AmbientOcclusion, Clip, DepthCue
 from sheetsplat.errors import complain, unusable
 from sheetsplat.light import Light, Material
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.checks import instance_of, one_of, optional, or_default
-from sheetsplat.options.core import COLORED, COMPOSITE, SCALAR, CommandLine, Mode, Option
+from sheetsplat.options.core import COLORED, COMPOSITE, MODES, SCALAR, SURFACES, CommandLine, Mode, Option, definitions
 from sheetsplat.options.values import POSITIVE, Numbers, Real, Special, Whole
 from sheetsplat.scalar_colors import ScalarColors
 
@@ -167,9 +168,8 @@ class ModeOptions(TypedDict, total=False):
     mode: Annotated[
         Mode,
         Option(
-            "How slices are combined into pixels: composited colours, surfaces of equal value, or along the ray the "
-            "integral, the maximum, the minimum or the average of the scalar.",
-            default="composite",
+            "How slices are combined into pixels: " + ", ".join(one.meaning for one in TRAITS.values()) + ".",
+            default=MODES[0],
             check=one_of(Mode),
         ),
     ]
@@ -179,7 +179,8 @@ class ModeOptions(TypedDict, total=False):
             "Scalar of the isosurface; or pairs (value, opacity) of several surfaces, 1 being opaque.",
             chosen="the value at which the histogram separates objects from background",
             accepts="float, or pairs",
-            modes=("isosurface",),
+            modes=SURFACES,
+            in_values=True,
             check=optional(iso_value_of),
             flag="--iso",
             value=Special.SURFACES,
@@ -345,6 +346,8 @@ class EffectOptions(TypedDict, total=False):
             "Scalar per world unit, greater than 0.",
             modes=COMPOSITE,
             effect="gradient_opacity",
+            in_values=True,
+            gradients=True,
             check=optional_number,
             value=POSITIVE,
         ),
@@ -400,3 +403,9 @@ class EffectOptions(TypedDict, total=False):
 
 class SceneOptions(ModeOptions, SamplingOptions, EffectOptions, LightOptions, total=False):
     """Every keyword argument of `Scene`."""
+
+
+def calls_for_gradients(options: Mapping[str, Any]) -> bool:
+    """Return whether the picture of a scene with these options, all of `Scene`'s, depends on gradients."""
+    asked = any(defined.gradients and options[name] is not None for name, defined in definitions(SceneOptions).items())
+    return (asked or bool(options["lights"])) and options["mode"] in COLORED

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from sheetsplat.camera import Camera
 from sheetsplat.errors import option_ref
 from sheetsplat.image import ErrorEstimate
+from sheetsplat.modes import TRAITS
 from sheetsplat.notices import is_muted, warn
-from sheetsplat.options.core import SUMMING
 from sheetsplat.options.scene import MOST_SAMPLES
 from sheetsplat.quality.thin import (
     LEAST_LOST,
@@ -40,7 +40,7 @@ def keeping(scene: Scene, camera: Camera, size: tuple[int, int]) -> Scene | None
 
     With the filter; where means of kernels are shown, or volumes end with a jump, with more samples a pixel.
     """
-    if scene.mode not in SUMMING or not any(one.size for one in scene.fields):
+    if not TRAITS[scene.mode].adds or not any(one.size for one in scene.fields):
         return None
     count = min(MOST_SAMPLES, max(1, _LONGEST // max(size)), samples_for_ends(scene, camera, size))
     if count > scene.supersampling:

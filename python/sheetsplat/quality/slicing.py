@@ -15,6 +15,7 @@ from sheetsplat.camera import Camera
 from sheetsplat.fields import BrickedField, EllipsoidField, Field, RegularField, default_spacing, joined_bounds
 from sheetsplat.light import Light, Material
 from sheetsplat.look.visible import camera_axes, corners_of, depths_of
+from sheetsplat.modes import TRAITS
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 
@@ -76,14 +77,14 @@ class _Rays:
 def can_be_estimated(scene: Scene) -> bool:
     """Return whether the error of a scene's slices is that of the light in a volume."""
     volumes = all(isinstance(one, RegularField) and one.size for one in scene.fields)
-    lit = scene.mode == "composite" and len(scene.groups) == 1 and bool(scene.lights)
+    lit = TRAITS[scene.mode].is_composited and len(scene.groups) == 1 and bool(scene.lights)
     return volumes and lit and all(not isinstance(one, BrickedField) or one.can_be_probed for one in scene.fields)
 
 
 def has_lit_kernels(scene: Scene) -> bool:
     """Return whether a scene shows scattered kernels alone, lit, whose slices can be estimated at any distance."""
     scattered = all(isinstance(one, EllipsoidField) and one.size for one in scene.fields)
-    return scattered and scene.mode == "composite" and len(scene.groups) == 1 and bool(scene.lights)
+    return scattered and TRAITS[scene.mode].is_composited and len(scene.groups) == 1 and bool(scene.lights)
 
 
 def depth_extent(scene: Scene, camera: Camera) -> float:

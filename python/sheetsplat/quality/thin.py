@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from sheetsplat.camera import Camera
 from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, RegularField
 from sheetsplat.look.visible import camera_axes, corners_of, depths_of
+from sheetsplat.modes import TRAITS
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 
@@ -229,7 +230,7 @@ def samples_for_ends(scene: Scene, camera: Camera, size: tuple[int, int]) -> int
     A volume of n pixels has the mass of n + 1/2 of them or of n - 1/2, along each axis, by where its faces lie between
     pixels. 1: one sample is enough.
     """
-    if scene.mode != "xray":
+    if not TRAITS[scene.mode].integrates:
         return 1
     count = 1
     for one in scene.fields:
@@ -252,7 +253,7 @@ def slices_for_ends(scene: Scene, camera: Camera) -> float | None:
     Slices stand on both sides of the middle. Seen along an axis, all rays have as many inside of a volume, and these
     are as long as it is if they are an even number: of 3 layers 1 apart they would be 4, two of them on its faces.
     """
-    if scene.mode != "xray":
+    if not TRAITS[scene.mode].integrates:
         return None
     wanted, back = scene.slice_spacing, camera_axes(camera)[2]
     for one in scene.fields:
@@ -479,10 +480,10 @@ def _counted(field: EllipsoidField, picked: NDArray[np.int64]) -> Floats:
 
 def optical_depths(values: Floats, scene: Scene, function: TransferFunction) -> Floats:
     """Return the optical depth over the reference length of values; in modes without opacity 1 where they count."""
-    if scene.mode == "isosurface":
+    if TRAITS[scene.mode].shows_surfaces:
         lowest = min((value for value, opacity in scene.surfaces if opacity > 0), default=math.inf)
         return np.where(values >= lowest, 1.0, 0.0)
-    if scene.mode != "composite":
+    if not TRAITS[scene.mode].is_composited:
         return np.where(values != 0.0, 1.0, 0.0)
     found: Floats = -np.log1p(-np.minimum(function.at(values)[..., 3], 1.0 - 1e-9))
     return found

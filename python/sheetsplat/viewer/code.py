@@ -10,8 +10,9 @@ import numpy as np
 
 from sheetsplat.describe.python import Expression, call, rows_text, text_of
 from sheetsplat.fields import Field, RegularField
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.camera import CameraOptions
-from sheetsplat.options.core import definitions
+from sheetsplat.options.core import MODES, definitions
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 from sheetsplat.viewer import compose
@@ -83,7 +84,7 @@ def _arguments(shown: Shown, state: State, scene: Scene) -> Mapping[str, Any]:
     return {**options, **changes}
 
 
-_DEFAULTS = (("mode", "composite"), ("quality", "good"))
+_DEFAULTS = (("mode", MODES[0]), ("quality", "good"))
 
 
 def _changes(state: State, scene: Scene) -> dict[str, Any]:
@@ -91,12 +92,12 @@ def _changes(state: State, scene: Scene) -> dict[str, Any]:
     found = {name: scene.options[name] for name in state.changes if name in scene.options and name != "depth_cue"}
     # Later times have the look of the first one.
     later = state.time > 0
-    if ("surfaces" in state.changes or later) and scene.mode == "isosurface":
+    if ("surfaces" in state.changes or later) and TRAITS[scene.mode].shows_surfaces:
         found["iso_value"] = scene.iso_value
         found["transfer_function"] = _functions(scene.transfer_functions, {})
-    if (state.curves or later) and scene.mode == "composite":
+    if (state.curves or later) and TRAITS[scene.mode].is_composited:
         found["transfer_function"] = _functions(scene.transfer_functions, state.curves)
-    if later and scene.mode not in ("composite", "isosurface"):
+    if later and TRAITS[scene.mode].is_scalar:
         found |= {"scalar_colors": scene.options["scalar_colors"], "slice_spacing": scene.slice_spacing}
     return found
 

@@ -16,12 +16,15 @@ from sheetsplat.describe.schema import plain
 from sheetsplat.fields import joined_bounds
 from sheetsplat.framing import fitting_depth_cue
 from sheetsplat.look.surface import surface_color, surface_limits
+from sheetsplat.modes import TRAITS
 from sheetsplat.opacity_words import PRESETS, WORDS
+from sheetsplat.options.core import MODES
 from sheetsplat.options.look import DEFAULT_CMAP
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction, color_rows
 from sheetsplat.viewer.data import Histogram, Shown
 from sheetsplat.viewer.state import (
+    OF_SCENES,
     Cue,
     Curves,
     State,
@@ -51,12 +54,12 @@ def scene_of(shown: Shown, state: State) -> Scene:
     cue: Cue | None = changes.pop("depth_cue", None)
     surfaces: tuple[Surface, ...] | None = changes.pop("surfaces", None)
     changes.pop("backdrop", None)
-    if state.curves and base.mode == "composite":
+    if state.curves and TRAITS[base.mode].is_composited:
         functions = [
             state.curves[n].function if n in state.curves else one for n, one in enumerate(base.transfer_functions)
         ]
         changes["transfer_function"] = functions if len(functions) > 1 else functions[0]
-    if surfaces is not None and base.mode == "isosurface":
+    if surfaces is not None and TRAITS[base.mode].shows_surfaces:
         changes["iso_value"] = tuple((one.value, one.opacity) for one in surfaces)
         changes["transfer_function"] = _functions_of(shown, base, surfaces)
     if "depth_cue" in state.changes:
@@ -109,7 +112,7 @@ def curves_of(shown: Shown, state: State, group: int) -> Curves:
     """Return the curves of a group's transfer function: changed, or those of the data's own look."""
     if group in state.curves:
         return state.curves[group]
-    function = shown.base(state.choice, state.time, "composite", state.quality).scene.transfer_functions[group]
+    function = shown.base(state.choice, state.time, MODES[0], state.quality).scene.transfer_functions[group]
     given = shown.options.get("cmap", DEFAULT_CMAP)
     is_map = isinstance(given, str) and "," not in given and "transfer_function" not in shown.options
     return Curves.of(function, given if is_map and not isinstance(shown.data(0, 0), Scene) else "")
@@ -143,12 +146,13 @@ def state_parts(shown: Shown, state: State, scene: Scene) -> dict[str, Any]:
     own = {one.value: one.color for one in state.changes.get("surfaces", ())}
     return {
         "mode": state.mode,
+        "fold": TRAITS[state.mode].fold,
         "quality": state.quality,
         "choice": state.choice,
         "time": state.time,
         "camera": camera_parts(state.camera),
         "looks": [_look(curves_of(shown, state, n)) for n in range(len(scene.groups))]
-        if state.mode == "composite"
+        if TRAITS[state.mode].is_composited
         else [],
         "surfaces": [
             {
@@ -159,10 +163,9 @@ def state_parts(shown: Shown, state: State, scene: Scene) -> dict[str, Any]:
             }
             for value, opacity in scene.surfaces
         ],
+        **{name: plain(options[name]) for name in OF_SCENES},
         "scalar_colors": {**plain(colors), "cmap": colors.cmap if isinstance(colors.cmap, str) else ""},
-        **{name: plain(options[name]) for name in ("lights", "material", "shadows", "ambient_occlusion", "clip")},
         "depth_cue": None if cue is None else {"strength": cue.strength, "color": hexadecimal(cue.color)},
-        "gradient_opacity": options["gradient_opacity"],
         "background": None if scene.background is None else hexadecimal(scene.background),
         "backdrop": hexadecimal(state.changes.get("backdrop", (0.0, 0.0, 0.0))),
         "max_error": state.settings.get("max_error", shown.options.get("max_error")),
@@ -199,13 +202,19 @@ def data_parts(shown: Shown, state: State, scene: Scene) -> dict[str, Any]:
 
 
 def offered() -> dict[str, Any]:
-    """Return the names that the page offers for colours and opacities."""
+    """Return the names that the page offers for modes, colours and opacities."""
     ramps = {}
     for name in COLORMAPS:
         rows = color_rows(name)
         ramps[name] = [hexadecimal(row) for row in rows[np.linspace(0, len(rows) - 1, 12).astype(int)]]
     words = [word for word in WORDS if not word.startswith("sigmoid_") or word in ("sigmoid_5", "sigmoid_10")]
-    return {"colormaps": ramps, "words": [*words, "isolayers:4", "isolayers:8"], "presets": list(PRESETS)}
+    modes = [[mode.name, mode.label] for mode in TRAITS.values()]
+    return {
+        "modes": modes,
+        "colormaps": ramps,
+        "words": [*words, "isolayers:4", "isolayers:8"],
+        "presets": list(PRESETS),
+    }
 
 
 def without_changes(state: State) -> State:

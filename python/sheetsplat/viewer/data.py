@@ -22,9 +22,11 @@ from sheetsplat.fields.samples import ArraySamples
 from sheetsplat.framing import compose_camera
 from sheetsplat.io.opening import time_steps
 from sheetsplat.look.histogram import stride_of
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.camera import CameraOptions
-from sheetsplat.options.core import pick, pick_given
+from sheetsplat.options.core import MODES, pick, pick_given
 from sheetsplat.options.data import OpenOptions
+from sheetsplat.options.look import IN_VALUES
 from sheetsplat.options.renderer import RendererOptions
 from sheetsplat.plan import PictureQuality
 from sheetsplat.scene import Scene
@@ -241,7 +243,7 @@ class Shown:
             made = prepare(opened, **options)
             changed = made.scene if mode in (None, made.scene.mode) else _in_mode(made.scene, str(mode), options)
             return _with_scene(made, changed)
-        first = "composite" if options.get("mode") is None else options["mode"]
+        first = MODES[0] if options.get("mode") is None else options["mode"]
         if quality is not None:
             options["quality"] = quality
         if mode in (None, first):
@@ -283,13 +285,13 @@ def _scene_file_of(data: object) -> SceneFile | None:
 
 
 # Options that are meant for the mode that was asked for.
-_OF_ONE_MODE = ("iso_value", "scalar_colors", "clim", "cmap", "opacity", "log_scale", "gradient_opacity")
+_OF_ONE_MODE = ({*IN_VALUES} - {"transfer_function"}) | {"scalar_colors", "cmap", "opacity", "log_scale"}
 
 
 def _in_mode(scene: Scene, mode: str, options: Mapping[str, Any]) -> Scene:
     """Return a given scene in another mode."""
     changes: dict[str, Any] = {"mode": mode}
-    if mode == "isosurface" and scene.iso_value is None:
+    if TRAITS[mode].shows_surfaces and scene.iso_value is None:
         low, high = scene.fields[0].value_range
         changes["iso_value"] = 0.5 * (low + high)
     return scene.replace(**changes).with_quality(scene.quality)

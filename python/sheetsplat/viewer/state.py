@@ -229,7 +229,7 @@ class State:
     """
 
     camera: Camera
-    mode: str = "composite"
+    mode: str = MODES[0]
     quality: str = "good"
     choice: int = 0
     time: int = 0
@@ -282,9 +282,10 @@ def camera_parts(camera: Camera) -> dict[str, Any]:
 
 
 _COLOR, _OPEN_COLOR = Sequence[float] | str, Sequence[float] | str | None
-_OF_SCENES = ("scalar_colors", "lights", "material", "shadows", "ambient_occlusion", "gradient_opacity", "clip")
+#: Options of `Scene` that a page changes as they are.
+OF_SCENES = ("scalar_colors", "lights", "material", "shadows", "ambient_occlusion", "gradient_opacity", "clip")
 _CHANGES = {
-    **{name: definitions(SceneOptions)[name] for name in _OF_SCENES},
+    **{name: definitions(SceneOptions)[name] for name in OF_SCENES},
     "surfaces": Option("", name="surfaces", type=Sequence[Surface], check=_surfaces),
     "depth_cue": Option("", name="depth_cue", type=Cue | None),
     "background": Option("", name="background", type=_OPEN_COLOR, check=optional(_color)),

@@ -1,13 +1,7 @@
 // The panels beside the picture. Each is {element, show(state, data)}; `set` sends changes to the session.
 
-const MODES = [
-  ["composite", "Volume"],
-  ["isosurface", "Isosurface"],
-  ["mip", "Maximum (MIP)"],
-  ["minimum", "Minimum"],
-  ["average", "Average"],
-  ["xray", "X-ray (integral)"],
-];
+// How slices become pixels (the modes' `fold`): what shows colours, in place of numbers.
+const COLORED = ["opacities", "surfaces"];
 
 function lookPanel(set, offered) {
   let group = 0;
@@ -95,9 +89,9 @@ function lookPanel(set, offered) {
     state = given;
     data = known;
     if (!state) return;
-    function_.hidden = state.mode !== "composite";
-    surfaces.hidden = state.mode !== "isosurface";
-    scalar.hidden = ["composite", "isosurface"].includes(state.mode);
+    function_.hidden = state.fold !== "opacities";
+    surfaces.hidden = state.fold !== "surfaces";
+    scalar.hidden = COLORED.includes(state.fold);
     if (!function_.hidden) {
       group = Math.min(group, state.looks.length - 1);
       groups.parentElement.hidden = state.looks.length < 2;
@@ -215,7 +209,7 @@ function lightPanel(set) {
   function show(given, known) {
     state = given;
     data = known;
-    const colored = ["composite", "isosurface"].includes(state.mode);
+    const colored = COLORED.includes(state.fold);
     all.hidden = !colored;
     note.hidden = colored;
     lit.show(state.lights.length);
@@ -241,7 +235,7 @@ function lightPanel(set) {
       fade.show(state.depth_cue.strength);
       fog.show(state.depth_cue.color);
     }
-    steep.hidden = state.mode !== "composite";
+    steep.hidden = state.fold !== "opacities";
     steep.show(state.gradient_opacity);
     inSteep.hidden = !state.gradient_opacity || steep.hidden;
     reference.limits(0, slope());

@@ -10,7 +10,7 @@ const MOST_PIXELS = 2600 * 1600;
  * handlers.message(message, bytes) and handlers.lost(text). Returns what tests and widgets need.
  */
 function mount(root, connect) {
-  let offered = { colormaps: {}, words: [], presets: [] };
+  let offered = { modes: [], colormaps: {}, words: [], presets: [] };
   let state = null;
   let data = null;
   let camera = null; // The one that hands move; the picture's own may be older.
@@ -72,7 +72,7 @@ function mount(root, connect) {
   panels.plan.element.addEventListener("toggle", () => panels.plan.draw());
 
   const title = h("span", { className: "title" }, "sheetsplat");
-  const modes = choice(MODES, (mode) => set({ mode }), "How slices become pixels");
+  const modes = choice([], (mode) => set({ mode }), "How slices become pixels");
   const qualities = choice([["draft", "Draft"], ["good", "Good"], ["best", "Best"]], (quality) => set({ quality }), "Quality");
   const names = choice([], (value) => set({ choice: Number(value) }), "Data");
   const looks = [["+x", [-1, 0, 0]], ["−x", [1, 0, 0]], ["+y", [0, -1, 0]], ["−y", [0, 1, 0]], ["+z", [0, 0, -1]], ["−z", [0, 0, 1]]];
@@ -202,6 +202,7 @@ function mount(root, connect) {
   const takes = {
     hello(message) {
       offered = message;
+      modes.offer(offered.modes);
     },
     state(message) {
       state = message.state;
@@ -323,7 +324,7 @@ function mount(root, connect) {
       ["R", "first view"],
       ["X, Y, Z; with Shift from the other side", "look along an axis"],
       ["P", "perspective or parallel projection"],
-      ["1 … 6", "mode"],
+      [`1 … ${offered.modes.length}`, "mode"],
       ["B", "box with scales"],
       ["S", "save the picture"],
       ["Space", "play"],
@@ -476,7 +477,7 @@ function mount(root, connect) {
     else if (key === "b") toggles[0].firstChild.click();
     else if (key === "?" || key === "h") help();
     else if (key === " ") play.click();
-    else if (key >= "1" && key <= "6") set({ mode: MODES[Number(key) - 1][0] });
+    else if (key >= "1" && key <= "9" && offered.modes[key - 1]) set({ mode: offered.modes[key - 1][0] });
     else return;
     event.preventDefault();
   });

@@ -10,6 +10,7 @@
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/light_volume.hpp"
 #include "sheetsplat/scene.hpp"
+#include "view/shading_inputs.hpp"
 
 namespace sheetsplat {
 struct DrawPlan;
@@ -127,10 +128,7 @@ struct Shading {
     VolumeLookup openness;               ///< what ambient occlusion leaves open of a point's surroundings
     SurfaceLight<T> surface_light;       ///< in place of both, in mode isosurface
     T occlusion_strength = T(0);
-    /// Depth cue: its share at depth t is cue_strength clamp((t - cue_start) cue_per_depth, 0, 1).
-    double cue_start = 0.0, cue_per_depth = 0.0;
-    T cue_strength = T(0);
-    T cue_color[3] = {};
+    ShadingInputs inputs; ///< what effects read once a slab or row
 
     double first_depth = 0.0, slice_spacing = 1.0; ///< world units
     double nearest_depth = 0.0;                    ///< least depth that an interval reports

@@ -6,6 +6,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "sheetsplat/backend_table.hpp"
+
 namespace sheetsplat {
 
 /// What a backend does with an effect.
@@ -15,8 +17,8 @@ enum class Control : std::uint8_t {
     forcible, ///< its plans list it, and RendererOptions::effects can force it
 };
 
-// X(name, backend gl, backend cpu, backend reference, what decides it, its meaning). no, is, can: Control::absent,
-// decided and forcible. What decides it: null where some backend can force it.
+// X(name, backends gl, cpu and reference in the order of backend_table, what decides it, its meaning). no, is, can:
+// Control::absent, decided and forcible. What decides it: null where some backend can force it.
 // clang-format off
 #define SHEETSPLAT_EFFECTS(X) \
     X(classification,          is,  is,  is, "the scene's mode", "values become colours (modes composite and isosurface)") \
@@ -79,12 +81,13 @@ enum class EffectId : std::uint8_t {
 struct EffectEntry {
     EffectId id;
     const char* name;
-    Control gl, cpu, reference;
-    const char* decided_by; ///< null where some backend can force it
-    const char* meaning;    ///< of being on
+    std::array<Control, backend_table.size()> controls; ///< a backend each
+    const char* decided_by;                             ///< null where some backend can force it
+    const char* meaning;                                ///< of being on
 };
 
-#define SHEETSPLAT_EFFECT_ENTRY(name, ...) EffectEntry{EffectId::name, #name, __VA_ARGS__},
+#define SHEETSPLAT_EFFECT_ENTRY(name, gl, cpu, reference, ...)                                                         \
+    EffectEntry{EffectId::name, #name, {gl, cpu, reference}, __VA_ARGS__},
 constexpr std::array effect_table = [] {
     constexpr Control no = Control::absent, is = Control::decided, can = Control::forcible;
     return std::array{SHEETSPLAT_EFFECTS(SHEETSPLAT_EFFECT_ENTRY)};
@@ -92,6 +95,7 @@ constexpr std::array effect_table = [] {
 #undef SHEETSPLAT_EFFECT_ENTRY
 
 constexpr const EffectEntry& entry_of(EffectId id) { return effect_table[static_cast<std::size_t>(id)]; }
+constexpr Control control_of(const EffectEntry& entry, Backend backend) { return entry.controls[index_of(backend)]; }
 constexpr const char* name_of(EffectId id) { return entry_of(id).name; }
 
 } // namespace sheetsplat

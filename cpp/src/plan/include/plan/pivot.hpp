@@ -6,6 +6,7 @@
 #include <array>
 
 #include "plan/make_plan.hpp"
+#include "scene/mode_rules.hpp"
 #include "sheetsplat/field.hpp"
 
 namespace sheetsplat {
@@ -19,8 +20,8 @@ inline double pivot_of(const Field& field) {
 /// Whether backend gl counts values of fields that are divided from their pivots. Modes that show rho itself have no
 /// use for that, and [NM06] does not do it.
 inline bool counts_from_pivots(const DrawPlan& plan) {
-    const bool classified = plan.mode == Mode::composite || plan.mode == Mode::isosurface;
-    return classified && !plan.paper_slicing && (!plan.own_sheets.empty() || (plan.fine_gradient && plan.threshold));
+    return !is_scalar(plan.mode) && !plan.paper_slicing &&
+           (!plan.own_sheets.empty() || (plan.fine_gradient && plan.threshold));
 }
 
 } // namespace sheetsplat

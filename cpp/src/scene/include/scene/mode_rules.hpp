@@ -3,46 +3,50 @@
 #pragma once
 
 #include <cstddef>
+#include <limits>
 #include <vector>
 
 #include "sheetsplat/scene.hpp"
 
 namespace sheetsplat {
 
-constexpr const char* name_of(Mode mode) {
-    switch (mode) {
-    case Mode::composite:
-        return "composite";
-    case Mode::isosurface:
-        return "isosurface";
-    case Mode::xray:
-        return "xray";
-    case Mode::mip:
-        return "mip";
-    case Mode::minimum:
-        return "minimum";
-    case Mode::average:
-        return "average";
-    }
-    return "unknown";
-}
+constexpr const char* name_of(Mode mode) { return traits_of(mode).name; }
 
-/// The picture is made of rho itself along each ray, its sum, largest, smallest or mean value: no colours, opacities or
-/// light.
-constexpr bool is_scalar(Mode mode) { return mode != Mode::composite && mode != Mode::isosurface; }
+/// The picture is made of rho itself along each ray: no colours, opacities or light.
+constexpr bool is_scalar(Mode mode) { return traits_of(mode).fold >= Fold::sum; }
 
 /// Only slices where the weights of all fields add up to more than 0 count; without one a pixel is no number.
-constexpr bool counts_weighted_slices(Mode mode) {
-    return mode == Mode::mip || mode == Mode::minimum || mode == Mode::average;
-}
+constexpr bool counts_weighted_slices(Mode mode) { return traits_of(mode).counts; }
 
 /// Slices are classified and composited by their opacities: what gradient_opacity, preintegration and the opacity
 /// correction act on.
-constexpr bool is_composited(Mode mode) { return mode == Mode::composite; }
+constexpr bool is_composited(Mode mode) { return traits_of(mode).fold == Fold::opacities; }
+
+/// Crossings of iso values are shown.
+constexpr bool shows_surfaces(Mode mode) { return traits_of(mode).fold == Fold::surfaces; }
+
+/// Pixels are sums over slices, or means of them.
+constexpr bool adds_slices(Mode mode) { return traits_of(mode).fold == Fold::sum; }
+
+/// Pixels are one of the slices' numbers, the largest or the smallest.
+constexpr bool is_extreme(Mode mode) { return traits_of(mode).fold > Fold::sum; }
+
+/// Bounds of blocks of samples tell where it may be found: the largest or the smallest number.
+constexpr bool has_bounds(Mode mode) {
+    return traits_of(mode).fold == Fold::largest || traits_of(mode).fold == Fold::smallest;
+}
+
+/// Of an extreme, what rho is multiplied by so that the smallest is looked for.
+constexpr double sign_of_extreme(Mode mode) { return traits_of(mode).fold == Fold::largest ? -1.0 : 1.0; }
+
+/// The number of a ray before its first slice: of an extreme, what any other replaces.
+constexpr double start_of(Mode mode) {
+    return is_extreme(mode) ? sign_of_extreme(mode) * std::numeric_limits<double>::infinity() : 0.0;
+}
 
 /// Each slice is shaded together with the one before it: crossings of an iso value, or pre-integrated intervals.
 constexpr bool uses_intervals(Mode mode, bool preintegration) {
-    return mode == Mode::isosurface || (is_composited(mode) && preintegration);
+    return shows_surfaces(mode) || (is_composited(mode) && preintegration);
 }
 
 /// The scalars of all groups add up, wherever their points are: in scalar modes where fields end in one place.
@@ -64,9 +68,9 @@ std::vector<IsoValue> iso_values_of(const Scene& scene, std::size_t group);
 double weakest_difference(const Scene& scene, const Group& group);
 
 /// What a scalar mode shows of a sheet's 1. value_unit: the amount of rho that sheets call 1; slice_spacing: world
-/// units, by which an x-ray integrates.
+/// units, by which modes integrate.
 constexpr double scalar_unit(Mode mode, double value_unit, double slice_spacing) {
-    return mode == Mode::xray ? value_unit * slice_spacing : value_unit;
+    return traits_of(mode).integrates ? value_unit * slice_spacing : value_unit;
 }
 
 } // namespace sheetsplat

@@ -9,6 +9,7 @@
 #include "light/grids.hpp"
 #include "plan/charge_effects.hpp"
 #include "plan/effect_table.hpp"
+#include "scene/mode_rules.hpp"
 #include "shown_spots.hpp"
 
 namespace sheetsplat {

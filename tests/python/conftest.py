@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import fcntl
 import gc
 import logging
@@ -35,6 +36,19 @@ os.environ.setdefault("GALLIVM_PERF", "nopt")
 BACKENDS = {"auto", "cpu", "gl", "reference"}
 
 
+# The C library keeps what is freed, in a heap for each thread, and puts ever larger arrays there. Arrays of a megabyte
+# and more stay mapped by themselves, threads share two heaps, and `give_back` returns the rest.
+M_MMAP_THRESHOLD, M_ARENA_MAX = -3, -8
+C_LIBRARY = ctypes.CDLL(None)
+if hasattr(C_LIBRARY, "mallopt"):
+    C_LIBRARY.mallopt(M_MMAP_THRESHOLD, 1 << 20)
+    C_LIBRARY.mallopt(M_ARENA_MAX, 2)
+
+# Bytes that a process grows by before it gives back what was freed; what it had when it last did.
+GROWTH = 48 << 20
+_resident = 0
+
+
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--quick",
@@ -65,6 +79,36 @@ def pytest_collection() -> Iterator[None]:
     finally:
         gc.freeze()
         gc.enable()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> Iterator[None]:
+    """Forget what the tests of a file keep for one another, and give back to the system what was freed."""
+    done = yield
+    module = getattr(item, "module", None)
+    if nextitem is None or getattr(nextitem, "module", None) is not module:
+        for value in vars(module).values() if module else ():
+            if getattr(value, "__module__", "") == module.__name__ and hasattr(value, "cache_clear"):
+                value.cache_clear()
+        give_back(0)
+    else:
+        give_back(GROWTH)
+    return done
+
+
+def resident() -> int:
+    """Return the bytes of this process that are in memory."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def give_back(growth: int) -> None:
+    """Return freed memory to the system where the process has grown by more than so many bytes since the last time."""
+    global _resident
+    if resident() > _resident + growth:
+        gc.collect()
+        if hasattr(C_LIBRARY, "malloc_trim"):
+            C_LIBRARY.malloc_trim(0)
+        _resident = resident()
 
 
 def quick(items: list[pytest.Item]) -> list[pytest.Item]:
@@ -198,13 +242,13 @@ def reference_renderer() -> ss.Renderer:
     return ss.Renderer("reference")
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def gl_renderer() -> Iterator[ss.Renderer]:
     """Return a renderer by OpenGL; tests that ask for it carry the mark gl."""
     yield ss.Renderer("gl")
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def cpu_renderer() -> Iterator[ss.Renderer]:
     """Return a renderer by the processor's vector instructions."""
     yield ss.Renderer("cpu")

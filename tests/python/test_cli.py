@@ -217,6 +217,17 @@ def test_demo_renders_in_a_quality(tmp_path, monkeypatch):
     assert (pictures["good"] != pictures["draft"]).any()
 
 
+def test_demo_has_a_colour_bar_where_matplotlib_is(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for dataset in ("marschner_lobb", "noisy_ball", "tubes"):
+        run("demo", "--size", "60x50", "--quality", "draft", "--dataset", dataset, "--backend", "cpu", "-o", "a.png")
+        height, width, _ = read_picture(tmp_path / "a.png").shape
+        assert width > 80 and height >= 50 and ss.Recipe.read("a.png").size == (60, 50)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    stderr = run("demo", "--size", "60x50", "--quality", "draft", "--backend", "cpu", "-o", "b.png").stderr
+    assert "no colour bar: pip install" in stderr and read_picture(tmp_path / "b.png").shape == (50, 60, 4)
+
+
 def test_demo_looks_at_the_backend_before_it_makes_data(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     small = ["--size", "16x16", "--dataset", "marschner_lobb"]

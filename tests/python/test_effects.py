@@ -6,7 +6,6 @@ import json
 import logging
 import math
 import re
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -90,27 +89,9 @@ def idle_scene(seed: int) -> tuple[ss.Scene, ss.Camera]:
     return scene, camera
 
 
-class Forced:
-    """Renderers of one backend, one for each effect that is forced."""
-
-    def __init__(self, backend: str) -> None:
-        self._backend = backend
-        self._made: dict[tuple[str, bool, bool], ss.Renderer] = {}
-
-    def renderer(self, name: str, on: bool = True, allow_inexact: bool = False) -> ss.Renderer:
-        key = (name, on, allow_inexact)
-        if key not in self._made:
-            effects = {name: on} if name else {}
-            self._made[key] = ss.Renderer(self._backend, effects=effects, allow_inexact=allow_inexact)  # type: ignore[arg-type]
-        return self._made[key]
-
-
-@pytest.fixture(scope="module")
-def forced() -> Iterator[Callable[[str], Forced]]:
-    """Return a store of renderers for each backend."""
-    made: dict[str, Forced] = {}
-    yield lambda backend: made.setdefault(backend, Forced(backend))
-    made.clear()
+def forcing(backend: str, name: str = "", on: bool = True, allow_inexact: bool = False) -> ss.Renderer:
+    """Return a renderer that forces an effect on or off, or none."""
+    return ss.Renderer(backend, effects={name: on} if name else {}, allow_inexact=allow_inexact)  # type: ignore[arg-type]
 
 
 def row(plan: ss.RenderPlan, name: str) -> ss.Effect:
@@ -118,17 +99,19 @@ def row(plan: ss.RenderPlan, name: str) -> ss.Effect:
     return next(effect for effect in plan.effects if effect.name == name)
 
 
-def check_forced_on(store: Forced, names: list[str], scenes: list[tuple[ss.Scene, ss.Camera]]) -> set[str]:
+def check_forced_on(backend: str, names: list[str], scenes: list[tuple[ss.Scene, ss.Camera]]) -> set[str]:
     """Force each effect on where the plan leaves it out. Returns those that were drawn so at least once."""
     drawn: set[str] = set()
-    for number, (scene, camera) in enumerate(scenes):
-        plain = store.renderer("").render(scene, camera, size=SIZE)
-        off = {effect.name for effect in plain.plan.effects if not effect.on}
-        for name in names:
-            if name not in off:
+    chosen = forcing(backend)
+    plains = [chosen.render(scene, camera, size=SIZE) for scene, camera in scenes]
+    for name in names:
+        # One at a time: each keeps the programs that OpenGL has compiled for it.
+        forced = forcing(backend, name)
+        for number, ((scene, camera), plain) in enumerate(zip(scenes, plains, strict=True)):
+            if name not in {effect.name for effect in plain.plan.effects if not effect.on}:
                 continue
             try:
-                picture = store.renderer(name).render(scene, camera, size=SIZE)
+                picture = forced.render(scene, camera, size=SIZE)
             except (ss.Unsupported, ss.InvalidInput):
                 # What does not fit the scene at all is refused, not drawn wrong: no gradient in scalar modes, no
                 # elimination on a backend without it.
@@ -142,13 +125,13 @@ def check_forced_on(store: Forced, names: list[str], scenes: list[tuple[ss.Scene
 
 
 @pytest.mark.parametrize("backend", [pytest.param("gl", marks=[pytest.mark.gl, pytest.mark.slow]), "cpu"])
-def test_what_the_plan_left_out_changes_nothing_when_forced_on(backend: str, forced: Callable[[str], Forced]) -> None:
+def test_what_the_plan_left_out_changes_nothing_when_forced_on(backend: str) -> None:
     """In random scenes, and in scenes whose options request effects with parameters that have no effect."""
     names = forcible(backend)
     # Shaders are compiled for each scene and effect.
     count = 4 if backend == "gl" else 10
     scenes = [some_scene(seed) for seed in range(count)] + [idle_scene(20)]
-    drawn = check_forced_on(forced(backend), names, scenes)
+    drawn = check_forced_on(backend, names, scenes)
     everywhere = {"weight", "gradient", "empty_test", "opacity_correction", "opacity_stop"}
     assert everywhere | {"clip", "depth_cue", "ambient_occlusion"} <= drawn, drawn
     if backend == "gl":
@@ -158,9 +141,7 @@ def test_what_the_plan_left_out_changes_nothing_when_forced_on(backend: str, for
 
 @pytest.mark.slow
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_what_the_plan_left_out_changes_nothing_on_measured_data(
-    backend: str, data_dir: Path, forced: Callable[[str], Forced]
-) -> None:
+def test_what_the_plan_left_out_changes_nothing_on_measured_data(backend: str, data_dir: Path) -> None:
     """The same over the measured volumes, reduced to one sample in eight along each axis."""
     files = sorted(data_dir.glob("*.nrrd")) + sorted(data_dir.glob("*.npy")) + sorted(data_dir.glob("**/*.nrrd"))
     scenes = []
@@ -185,12 +166,12 @@ def test_what_the_plan_left_out_changes_nothing_on_measured_data(
     if not scenes:
         pytest.skip(f"no volume that can be read in {data_dir}")
     names = [name for name in forcible(backend) if name not in ("fine_gradient", "paper_slicing")]
-    assert "weight" in check_forced_on(forced(backend), names, scenes)
+    assert "weight" in check_forced_on(backend, names, scenes)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("boundary", ["edge", "zero"])
-def test_what_the_scene_calls_for_matters(boundary: str, backend: str, forced: Callable[[str], Forced]) -> None:
+def test_what_the_scene_calls_for_matters(boundary: str, backend: str) -> None:
     """Negative control: leaving out a needed effect changes the picture."""
     scene, camera = some_scene(0, boundary)
     low, high = scene.bounds
@@ -206,12 +187,12 @@ def test_what_the_scene_calls_for_matters(boundary: str, backend: str, forced: C
         slice_spacing=0.7,
         opacity_stop=1.0,
     )
-    plain = forced(backend).renderer("").render(scene, camera, size=SIZE)
+    plain = forcing(backend).render(scene, camera, size=SIZE)
     for name in ("gradient", "specular", "opacity_correction", "clip", "depth_cue", "gradient_opacity"):
         assert row(plain.plan, name).on, name
         with pytest.raises(ss.Unsupported, match=name):
-            forced(backend).renderer(name, on=False).render(scene, camera, size=SIZE)
-        without = forced(backend).renderer(name, on=False, allow_inexact=True).render(scene, camera, size=SIZE)
+            forcing(backend, name, on=False).render(scene, camera, size=SIZE)
+        without = forcing(backend, name, on=False, allow_inexact=True).render(scene, camera, size=SIZE)
         found = distance(without.pixels, plain.pixels)
         assert not found.within(FLOAT32_HARD), f"{name}: {found}"
 

@@ -150,7 +150,7 @@ Scene with_part(const Scene& scene, const std::pair<Triple, Triple>& cell, const
 py::list mode_traits() {
     py::list all;
     for (const ModeTraits& mode : mode_table) {
-        all.append(py::dict(py::arg("name") = mode.name, py::arg("fold") = name_of(mode.fold),
+        all.append(py::dict(py::arg("name") = mode.name, py::arg("fold") = to_string(mode.fold),
                             py::arg("counts") = mode.counts, py::arg("mean") = mode.mean,
                             py::arg("integrates") = mode.integrates, py::arg("of_values") = mode.of_values,
                             py::arg("label") = mode.label, py::arg("meaning") = mode.meaning));

@@ -16,7 +16,7 @@ enum class Fold : std::uint8_t {
     largest,
     smallest,
 };
-constexpr const char* name_of(Fold fold) {
+constexpr const char* to_string(Fold fold) {
     constexpr std::array names{"opacities", "surfaces", "sum", "largest", "smallest"};
     return names[static_cast<std::size_t>(fold)];
 }

@@ -14,8 +14,8 @@ from test_oracle import build_effects
 
 import sheetsplat as ss
 
-#: Numbered scenes of which float32 alone breaks section 9: by differences, by derivatives, on surfaces, of needles; of mode
-#: mip, where what is shown is small beside the sums.
+#: Numbered scenes of which float32 alone breaks section 9: by differences, by derivatives, on surfaces, of needles; of
+#: mode mip, where what is shown is small beside the sums.
 LOST = (4_000_989, 4_001_039, 4_001_154, 4_000_544, 4_105_658, 4_602_639, 5_307_592)
 BACKENDS = ("cpu", pytest.param("gl", marks=pytest.mark.gl))
 

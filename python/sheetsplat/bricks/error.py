@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _sheetsplat
+from sheetsplat.backends import EXACT
 from sheetsplat.bricks.light_error import Measure
 from sheetsplat.bricks.partial import Finished, over_background
 from sheetsplat.bricks.view import BrickView
 from sheetsplat.image import ErrorEstimate
-from sheetsplat.modes import TRAITS
 from sheetsplat.options.core import checked
 from sheetsplat.options.renderer import Progress, RendererClassOptions
 from sheetsplat.plan import RenderPlan

@@ -57,7 +57,7 @@ class Probes:
     @classmethod
     def of(cls, view: BrickView, opacity: NDArray[np.float32]) -> Probes:
         """Return the pixels of a view whose picture, perhaps of fewer pixels, has some opacities."""
-        pixels, wanted, batch = probe_pixels(size=view.size, surfaces=view.mode == "isosurface")
+        pixels, wanted, batch = probe_pixels(size=view.size, surfaces=TRAITS[view.mode].shows_surfaces)
         samples = max(1, view.size[0] // opacity.shape[1])
         seen = opacity[pixels[:, 1] // samples, pixels[:, 0] // samples] > 0.0
         enough = int(np.searchsorted(np.cumsum(seen), wanted)) + 1
@@ -124,7 +124,7 @@ def merged_spots(_: Any, *parts: Floats) -> Floats:
 
 def chosen_spots(view: BrickView, probes: Probes, *parts: Floats) -> Floats:
     """Return points at equal steps of what they add to their pixels, of those of all bricks."""
-    surfaces, stop = view.mode == "isosurface", float(view.options["opacity_stop"])
+    surfaces, stop = TRAITS[view.mode].shows_surfaces, float(view.options["opacity_stop"])
     table = merged_spots(view, *parts)
     return choose_spots(table, size=view.size, surfaces=surfaces, stop=stop, seen=len(probes.numbers))
 

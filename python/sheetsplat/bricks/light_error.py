@@ -160,7 +160,7 @@ def errors_of(view: BrickView, probes: Probes, chosen: Floats, *parts: Lines) ->
         lines.left,
         lines.shown,
         size=view.size,
-        surfaces=view.mode == "isosurface",
+        surfaces=TRAITS[view.mode].shows_surfaces,
         tried=probes.tried,
         seen=len(probes.numbers),
     )

@@ -168,6 +168,8 @@ CASES = [
     Case("place", "sheets", 1.1, 0.9, lambda x: plain(
         lattice(values=np.ones((2, 2, 16384)), spacing=(1.0,) * 3, origin=(-8192.0, 0.0, 0.0)),
         camera=parallel((0, 0, -1), 26667 / x), slice_spacing=1.0, transfer=ZERO_SEEN)),
+    Case("unit", "float32", 0.9e15, 1.1e15, lambda x: plain(
+        kernels(4 / x), camera=central(distance=20 / x), slice_spacing=1 / x)),
     Case("falloff", "float32", 0.0505, 0.0495, lambda x: plain(kernels(0.6, 0.5, falloff=x))),
     Case("falloff", "float64", 1.01e-8, 0.99e-8, lambda x: plain(kernels(0.6, 0.5, falloff=x))),
     Case("falloff", "sheets", 0.0505, 0.0495, lambda x: plain(kernels(0.6, 0.5, falloff=x))),

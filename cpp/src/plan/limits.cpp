@@ -98,7 +98,7 @@ const std::vector<Limit>& limits() {
          "use fewer iso values",
          [](const Measures& m) {
              return shows_surfaces(m.plan.mode) ? count(groups_drawn(m.scene).size() * m.scene.iso_values.size())
-                                                    : none;
+                                                : none;
          },
          true},
         {"lights",
@@ -179,6 +179,16 @@ const std::vector<Limit>& limits() {
          [](const Measures& m) {
              const double known = std::max(m.view.frame.size.width, m.view.frame.size.height) * float32_epsilon;
              return m.view.screen_px.largest_lattice > 0.0 ? known / m.view.screen_px.largest_lattice : none;
+         }},
+        // Squares of lengths are numbers of the format.
+        {"unit",
+         most,
+         {1e15, none, none, none, none},
+         "a perspective view in slices of {} units, or as many slices a unit",
+         "",
+         [](const Measures& m) {
+             const double unit = m.view.frame.slice_spacing;
+             return deep(m) ? std::max(unit, 1.0 / unit) : none;
          }},
         // Centres in float32 are known to 6e-8 of the extent: errors of 4e-8 times the quotient.
         {"extent",

@@ -156,7 +156,7 @@ def test_light_travels_between_processes() -> None:
 
 LOOKS: tuple[dict[str, Any], ...] = (
     {"shadows": True},
-    {"ambient_occlusion": True, "quality": "best"},
+    {"ambient_occlusion": True, "quality": "best", "slice_spacing": 0.5},
     {"mode": "isosurface", "shadows": True, "ambient_occlusion": True},
     # What is left has no sample of the first ones.
     {"shadows": True, "ambient_occlusion": True, "clip": ss.Clip(planes=[((0.3, 0.2, 1.0), 25.0)])},
@@ -267,7 +267,7 @@ def test_light_among_scattered_kernels_is_measured_in_bricks(rng: np.random.Gene
     options = {"size": (50, 40), "azimuth": 35, "backend": "cpu", "shadows": True, "ambient_occlusion": True}
     options["projection"] = projection
     bricked = ss.open_bricks(field, brick_kernels=60)
-    image = ss.render(bricked, **options)
+    image = ss.render(bricked, **options, slice_spacing=0.08)
     assert image.stats["bricks"] > 4
     whole = ss.render(field, **options, slice_spacing=image.plan.slice_spacing)
     assert rmse(image, whole) <= ROUNDING

@@ -39,7 +39,11 @@ pytestmark = pytest.mark.gl
 PATHS = list(itertools.product(("wide", "paper"), ("tiles", "depth_equal", "off")))
 RANDOM = range(120)
 # Scenes that OpenGL leaves to the processor, and why.
-HANDED_OVER = {"values_with_offset": "in 32-bit sheets", "38": "a lit close-up", "40": "a lit close-up"}
+HANDED_OVER = {
+    "values_with_offset": "the transfer function distinguishes",
+    "38": "a lit close-up",
+    "40": "a lit close-up",
+}
 Bounds = tuple[float, float]
 
 

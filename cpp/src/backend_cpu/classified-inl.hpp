@@ -61,14 +61,14 @@ class Classified {
     }
     /// Lanes between whose least and greatest value the transfer function shows something.
     [[nodiscard]] HWY_INLINE M shows(V least, V greatest) const {
-        const D d;
         return hn::And(hn::Gt(greatest, all(slab_.group.transfer.below)),
                        hn::Lt(least, all(slab_.group.transfer.above)));
     }
     /// Lanes of `mask` with a point of slice n + ahead that is kept and that some kernel reaches.
     [[nodiscard]] HWY_INLINE M open(M mask, int x, int y, int ahead, const Columns& kept) const {
         const D d;
-        return slab_.reached(d, slab_.kept(d, mask, ahead, y, x, kept), ahead, y, x);
+        // (Mostly nothing is there.)
+        return hn::AllFalse(d, mask) ? mask : slab_.reached(d, slab_.kept(d, mask, ahead, y, x, kept), ahead, y, x);
     }
     [[nodiscard]] HWY_INLINE M either_open(M mask, int x, int y, const Columns& here, const Columns& after) const {
         const M first = open(mask, x, y, 0, here);
@@ -240,7 +240,9 @@ class Crossings : public Classified<T> {
         const D d;
         const V iso = this->all(surface_.value);
         const M crossed = hn::Xor(hn::Lt(this->rho(x, y), iso), hn::Lt(this->rho(x, y, 1), iso));
-        return this->slab_.kept(d, this->slab_.kept(d, crossed, 0, y, x, here), 1, y, x, after);
+        return hn::AllFalse(d, crossed)
+                   ? crossed
+                   : this->slab_.kept(d, this->slab_.kept(d, crossed, 0, y, x, here), 1, y, x, after);
     }
     [[nodiscard]] HWY_INLINE V share(int x, int y, M seen) const {
         return crossing(D(), this->rho(x, y), this->rho(x, y, 1), this->all(surface_.value), seen);

@@ -159,10 +159,10 @@ HWY_NOINLINE void cue(const Slab<T>& slab, EffectRow<T>& row) {
     });
 }
 
-/// Composites opacities above 0, those of `visible`.
+/// Composites opacities above 0, those of `visible`. lit: doubt is what an error of rho of 1 makes of their light.
 template <bool surface, class T, class V = typename Slab<T>::V>
 HWY_INLINE void put_vector(const Slab<T>& slab, int x, int y, typename Slab<T>::M visible, V alpha, V share,
-                           const Color<typename Slab<T>::D>& color, V doubt) {
+                           const Color<typename Slab<T>::D>& color, bool lit, V doubt) {
     const typename Slab<T>::D d;
     const std::ptrdiff_t at = slab.in_plane(y) + x;
     V shown = hn::IfThenElseZero(visible, hn::Set(d, T(1)));
@@ -171,7 +171,7 @@ HWY_INLINE void put_vector(const Slab<T>& slab, int x, int y, typename Slab<T>::
     } else {
         shown = slab.put_behind(d, at, y, visible, hn::LoadU(d, slab.picture.alpha + at), alpha, color);
     }
-    if (slab.shading.lit) {
+    if (lit) {
         slab.doubt(d, shown, doubt);
     }
 }
@@ -181,7 +181,7 @@ HWY_NOINLINE void put(const Slab<T>& slab, const EffectRow<T>& row) {
     const typename Slab<T>::D d;
     row.for_each(row.alpha, [&](int x, int number, auto visible) {
         put_vector<surface>(slab, x, row.y, visible, hn::Load(d, row.alpha + number), hn::Load(d, row.share + number),
-                            row.color(d, number), hn::Load(d, row.doubt + number));
+                            row.color(d, number), slab.shading.lit, hn::Load(d, row.doubt + number));
     });
 }
 
@@ -249,7 +249,7 @@ HWY_NOINLINE void go_through_effects(const Slab<T>& slab, const Kind& kind) {
 }
 
 /// A vector of pixels through the stages of scenes without effects.
-template <bool perspective, class Kind, class T>
+template <bool perspective, bool lit, class Kind, class T>
 HWY_INLINE void shade_vector(const Slab<T>& slab, const Kind& kind, const GradientScale<T>& scale, int x, int y,
                              typename Slab<T>::M seen) {
     using V = typename Slab<T>::V;
@@ -262,18 +262,18 @@ HWY_INLINE void shade_vector(const Slab<T>& slab, const Kind& kind, const Gradie
     }
     const V share = kind.share(x, y, visible);
     V doubt = hn::Zero(d);
-    if (slab.shading.lit) {
+    if constexpr (lit) {
         const auto against = gradient_at<perspective, false, Kind::between>(slab, scale, x, y, share, visible, doubt);
         V per_size;
         color = phong<perspective>(d, slab.shading, color, against, scale.weakest,
                                    slab.template ray_if<perspective>(d, x, y), visible, per_size);
         doubt = slab.over_size(d, doubt, per_size);
     }
-    put_vector<!Kind::has_opacity>(slab, x, y, visible, alpha, share, color, doubt);
+    put_vector<!Kind::has_opacity>(slab, x, y, visible, alpha, share, color, lit, doubt);
 }
 
 /// The same stages, a vector at a time, in scenes without effects and cuts: frames take 3 to 13 % less time.
-template <bool perspective, class Kind, class T>
+template <bool perspective, bool lit, class Kind, class T>
 HWY_NOINLINE void go_straight(const Slab<T>& slab, const Kind& kind) {
     const typename Slab<T>::D d;
     const GradientScale<T> scale(slab.shading, slab.group, slab.window.n);
@@ -290,7 +290,7 @@ HWY_NOINLINE void go_straight(const Slab<T>& slab, const Kind& kind) {
             }
             seen = slab.unfinished(d, seen, y, x);
             if (!hn::AllFalse(d, seen)) {
-                shade_vector<perspective>(slab, kind, scale, x, y, seen);
+                shade_vector<perspective, lit>(slab, kind, scale, x, y, seen);
             }
         }
     }

@@ -61,38 +61,31 @@ HWY_INLINE void set_place(const RowBasis& basis, const glm::dvec2& plane, double
 }
 
 /// Samples of a lattice as its kernels' values: (sample - origin) scale, rounded once. One function a type of samples;
-/// what feeds them knows of none.
+/// what calls read() knows of none.
 template <class T>
 class SampleReader {
   public:
-    SampleReader(const RegularField& field, double origin, double scale) : origin_(origin), scale_(scale) {
-        std::visit(
-            [&](const auto& data) {
-                using Value = typename std::decay_t<decltype(data)>::value_type;
-                samples_ = reinterpret_cast<const unsigned char*>(data.data());
-                bytes_ = sizeof(Value);
-                read_ = &read_as<Value>;
-            },
-            field.samples());
-    }
+    SampleReader(const RegularField& field, double origin, double scale)
+        : samples_(field.samples()), origin_(origin), scale_(scale),
+          read_(std::visit([](const auto& data) { return &read_as<std::decay_t<decltype(data)>>; }, samples_)) {}
 
     /// Of `count` samples from number `first` on.
     void read(std::size_t first, std::uint32_t count, T* out) const { read_(*this, first, count, out); }
-    /// Fetches a sample that is read soon into the cache.
-    HWY_INLINE void fetch(std::size_t sample) const { __builtin_prefetch(samples_ + sample * bytes_); }
-
-  private:
     template <class Value>
-    static void read_as(const SampleReader& reader, std::size_t first, std::uint32_t count, T* HWY_RESTRICT out) {
-        const auto* HWY_RESTRICT from = reinterpret_cast<const Value*>(reader.samples_) + first;
-        const double origin = reader.origin_, scale = reader.scale_;
+    HWY_INLINE void convert(const Value* HWY_RESTRICT from, std::uint32_t count, T* HWY_RESTRICT out) const {
+        const double origin = origin_, scale = scale_;
         for (std::uint32_t i = 0; i < count; ++i) {
             out[i] = static_cast<T>((static_cast<double>(from[i]) - origin) * scale);
         }
     }
 
-    const unsigned char* samples_;
-    std::size_t bytes_; ///< of a sample
+  private:
+    template <class Data>
+    static void read_as(const SampleReader& reader, std::size_t first, std::uint32_t count, T* out) {
+        reader.convert(std::get_if<Data>(&reader.samples_)->data() + first, count, out);
+    }
+
+    const SampleArray& samples_;
     double origin_, scale_;
     void (*read_)(const SampleReader& reader, std::size_t first, std::uint32_t count, T* out);
 };

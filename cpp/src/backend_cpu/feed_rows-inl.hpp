@@ -219,8 +219,6 @@ class RowFeed {
         }
     }
 
-    static constexpr std::ptrdiff_t pieces_ahead = 4;
-
     /// In any unit of length; what is too small for its inverse is 0.
     static constexpr double least_step = std::numeric_limits<double>::min();
 
@@ -443,7 +441,8 @@ class RowFeed {
         }
         const std::size_t kept = places[static_cast<std::size_t>(slots)];
         kernels_.sections.resize(before + places.back());
-        write(least, kernels_.sections.data() + before);
+        std::visit([&](const auto& data) { write(data.data(), least, kernels_.sections.data() + before); },
+                   view_.field->samples());
         kernels_.sections.resize(before + kept);
     }
 
@@ -467,20 +466,18 @@ class RowFeed {
         begin += static_cast<std::uint32_t>(from);
     }
 
-    void write(double least, Section<T>* sections) {
+    /// (One for each type of samples: a call for each piece would take 1 % of a frame.)
+    template <class Value>
+    void write(const Value* values, double least, Section<T>* sections) {
         const RowBatches& rows = kernels_.rows;
         const double per_slice = frame_.slice_spacing * per_half_depth_;
         const auto origin = static_cast<std::int32_t>(least);
         const std::int32_t* slot = rows.slots.data();
         for (const RowBatches::Piece& piece : rows.pieces) {
             const RowBatches::Stretch& stretch = rows.stretches[piece.stretch];
-            if (rows.pieces.data() + rows.pieces.size() - &piece > pieces_ahead) {
-                const RowBatches::Piece& later = (&piece)[pieces_ahead];
-                reader_.fetch(rows.stretches[later.stretch].first_sample + later.from);
-            }
             // Numbers first; then each to its place.
             T a1[fed_together], a2[fed_together], s[fed_together], value[fed_together];
-            reader_.read(stretch.first_sample + piece.from, piece.count, value);
+            reader_.convert(values + stretch.first_sample + piece.from, piece.count, value);
             for (std::uint32_t i = 0; i < fed_together; ++i) {
                 const auto along = static_cast<double>(static_cast<std::int32_t>(piece.from + i));
                 const double first = static_cast<double>(slot[i]) + least;

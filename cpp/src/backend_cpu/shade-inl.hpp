@@ -51,10 +51,13 @@ HWY_NOINLINE void shade_group(const Slab<T>& slab, bool straight) {
     const Shading<T>& shading = slab.shading;
     const auto shade = [&](const auto& kind) {
         by_projection(shading, [&](auto perspective) {
-            if (straight) {
-                go_straight<decltype(perspective)::value>(slab, kind);
+            constexpr bool in_perspective = decltype(perspective)::value;
+            if (!straight) {
+                go_through_effects<in_perspective>(slab, kind);
+            } else if (shading.lit) {
+                go_straight<in_perspective, true>(slab, kind);
             } else {
-                go_through_effects<decltype(perspective)::value>(slab, kind);
+                go_straight<in_perspective, false>(slab, kind);
             }
         });
     };

@@ -192,7 +192,6 @@ HWY_NOINLINE void walk(D d, const Splat<T, slopes>& splat, const Target<T>& to, 
     const auto value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
     const auto edge = hn::Set(d, splat.profile.edge);
     const auto minus_k = hn::Set(d, -k);
-    const std::size_t sheet = to.sheet;
     const Steepness<sums, T> steepness(splat.steep(), value_t, weight_t);
     const T steep = steepness.scale;
     const AlongRay<T> along = along_ray(splat, shape, steep);

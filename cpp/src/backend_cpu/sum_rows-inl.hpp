@@ -115,27 +115,13 @@ class RowSums {
     /// slices. kept: where clipping leaves only some slices of the kernels' pixels, else null.
     void add(const SampleReader<T>& reader, const KeptOfPixels<T>* kept, std::size_t sample, const Vec3& place,
              const Vec3& step, std::uint32_t count) {
-        for (std::uint32_t i = 0; i < count; i += together) {
-            const int number = static_cast<int>(std::min(together, count - i));
-            T values[together];
-            reader.read(sample + i, std::min(together, count - i), values);
-            look_at(place, step, i, in_vectors(number));
-            in_terms([&](auto terms) {
-                if (kept == nullptr) {
-                    add_whole(terms, values, number);
-                } else {
-                    cut_factors(terms, in_vectors(number), place.z, step.z, i);
-                    add_cut(terms, *kept, values, number);
-                }
-            });
-            for (int kernel = 0; kernel < number; ++kernel) {
-                sections_ += static_cast<std::uint64_t>(sections_of_[kernel]);
+        in_terms([&](auto terms) {
+            if (kept == nullptr) {
+                add_run<false>(terms, reader, nullptr, sample, place, step, count);
+            } else {
+                add_run<true>(terms, reader, kept, sample, place, step, count);
             }
-            added_ += together;
-            if (added_ >= summed_together) {
-                flush();
-            }
-        }
+        });
     }
 
     /// Moves what has been added to the picture. (Sums of sums: a single one of very many terms would drift.)
@@ -253,17 +239,31 @@ class RowSums {
         }
     }
 
-    template <class Terms>
-    HWY_NOINLINE void add_whole(Terms terms, const T* values, int number) {
-        factors(terms, in_vectors(number));
-        for (int kernel = 0; kernel < number; ++kernel) {
-            add_one(terms, kernel, values[kernel]);
-        }
-    }
-    template <class Terms>
-    HWY_NOINLINE void add_cut(Terms terms, const KeptOfPixels<T>& kept, const T* values, int number) {
-        for (int kernel = 0; kernel < number; ++kernel) {
-            add_one_cut(terms, kept, kernel, values[kernel]);
+    template <bool cut, class Terms>
+    HWY_NOINLINE void add_run(Terms terms, const SampleReader<T>& reader, const KeptOfPixels<T>* kept,
+                              std::size_t sample, const Vec3& place, const Vec3& step, std::uint32_t count) {
+        T values[together];
+        for (std::uint32_t i = 0; i < count; i += together) {
+            const int number = static_cast<int>(std::min(together, count - i));
+            reader.read(sample + i, static_cast<std::uint32_t>(number), values);
+            look_at(place, step, i, in_vectors(number));
+            if constexpr (cut) {
+                cut_factors(terms, in_vectors(number), place.z, step.z, i);
+            } else {
+                factors(terms, in_vectors(number));
+            }
+            for (int kernel = 0; kernel < number; ++kernel) {
+                if constexpr (cut) {
+                    add_one_cut(terms, *kept, kernel, values[kernel]);
+                } else {
+                    add_one(terms, kernel, values[kernel]);
+                }
+                sections_ += static_cast<std::uint64_t>(sections_of_[kernel]);
+            }
+            added_ += together;
+            if (added_ >= summed_together) {
+                flush();
+            }
         }
     }
 
@@ -297,7 +297,7 @@ class RowSums {
     /// The first slice in each kernel's support, and the Gaussians along depth on the slices from there on and down its
     /// rows. z: of kernel 0's centre, in slices; step_z: from kernel to kernel.
     template <class Terms>
-    HWY_NOINLINE void cut_factors(Terms terms, int kernels, double z, double step_z, std::uint32_t i) {
+    HWY_INLINE void cut_factors(Terms terms, int kernels, double z, double step_z, std::uint32_t i) {
         const double reach = 1.0 / static_cast<double>(per_slice_);
         for (int kernel = 0; kernel < kernels; ++kernel) {
             const double centre = z + static_cast<double>(i + static_cast<std::uint32_t>(kernel)) * step_z;

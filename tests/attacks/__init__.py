@@ -3,7 +3,7 @@
     cd tests && python -m attacks messages --seed 0 --count 100000
 
 Each attack is a function of a seed and a count that returns a `Tally`: what was done, and what it found. An attack with
-the same seed does the same. Tests run small counts of each (tests/python/test_attack_*.py).
+the same seed does the same. Tests run small counts of each (tests/python/attacks/test_attack_*.py).
 """
 
 from __future__ import annotations

@@ -68,7 +68,7 @@ def table() -> str:
             figures.append(f"**{text}**" if wrong else text)
         lines.append(_row(f"`{name}`", promise.words, promise.outcome, *figures))
     lines += ["", PROMISE, _row("field", "option", *BACKENDS), "|---|---|---|---|"]
-    import test_frame_to_frame as turning
+    import quality.test_frame_to_frame as turning
 
     for kind, way in turning.SCENES:
         figures = [f"{turning.beyond(backend, kind, way):.1e}" for backend in BACKENDS]
@@ -92,7 +92,7 @@ TITLES = {
 INTRODUCTION = """# Hard cases
 
 Scenes that are hard to render accurately, and the errors that each backend was measured to have. The scenes and their
-expected outcomes are in `tests/python/hard_cases/`; `tests/python/test_hard_cases.py` tests each backend against them.
+expected outcomes are in `tests/python/hard_cases/`; `test_hard_cases.py` tests each backend against them.
 `python -m hard_cases.page --table` in `tests/python` makes this page.
 
 Figures are RMSE / largest difference from the float64 reference, in premultiplied RGBA, over all pixels that are not
@@ -121,7 +121,7 @@ every backend keeps this bound:
 The tests check a stricter bound: the change of every pixel is equal to the reference's change between the same two
 views within 2·10⁻⁴ (the smaller P99.9 of section 9, here for all pixels). So no pixel jumps where samples change their
 buckets or their order, where slices begin and end, where kernels are culled or where the plan changes.
-`tests/python/test_frame_to_frame.py` rotates seven fields through views along an axis, along the diagonals of a face
+`test_frame_to_frame.py` rotates seven fields through views along an axis, along the diagonals of a face
 and of the cube, half a step off an axis, and others. A second test makes the angle twenty times smaller and checks that
 the reference's own change becomes smaller too, which a jump would not. The largest difference of the two changes:
 """
@@ -140,10 +140,10 @@ camera is refused, because the parts of its picture would need an off-axis proje
 
 ## Random tests
 
-`tests/python/test_fuzz_scenes.py` generates scenes with the library Hypothesis (fields, cameras, transfer functions,
+`test_fuzz_scenes.py` generates scenes with the library Hypothesis (fields, cameras, transfer functions,
 effects, settings) and compares each backend with the reference: the scene as it is, with its kernels reordered or each
 split into two that share the weight, in another unit of length, translated, and in tiles of any size.
-`tests/python/test_fuzz_readers.py` damages valid files of 67 kinds: a reader must return a field or raise an error of
+`test_fuzz_readers.py` damages valid files of 67 kinds: a reader must return a field or raise an error of
 the package, within 256 MB and 20 s. `./run fuzz` does so with any number of files, scenes and long runs
 ([reliability.md](reliability.md)).
 `tests/python/fuzz_readers.py` is guided by the coverage of the readers' code (atheris).

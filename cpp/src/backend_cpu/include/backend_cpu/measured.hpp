@@ -53,7 +53,7 @@ constexpr int walked_rows = sizeof(T) == 4 ? 20 : 48;
 template <class T>
 constexpr T deepest_span = sizeof(T) == 4 ? T(118) : T(1000);
 
-// Splat loop of products. tests/python/test_cpu_lattices.py
+// Splat loop of products. tests/python/backends/test_cpu_lattices.py
 
 /// Kernels of one shape that reach farther from their centres are walked along columns.
 constexpr int largest_lean_px = 20;
@@ -62,14 +62,14 @@ constexpr int largest_lean_px = 20;
 template <class T>
 constexpr T deepest_lean = sizeof(T) == 4 ? T(100) : T(900);
 
-// Sums over slices. tests/python/test_cpu_scalar_modes.py
+// Sums over slices. tests/python/backends/test_cpu_scalar_modes.py
 
 /// Rows times slices of a kernel, at most: factors that are kept for sixteen kernels at once.
 constexpr int most_factors = 256;
 /// Kernels that are summed before their sum is added to the picture.
 constexpr std::size_t summed_together = 8192;
 
-// Slabs. tests/python/test_slab_means.py; CpuRenderer.XRayOfOneKernelIsItsChordSum
+// Slabs. tests/python/quality/test_slab_means.py; CpuRenderer.XRayOfOneKernelIsItsChordSum
 
 /// From so many of the Gaussian's own lengths on means over slabs are differences of its integral; errors of means are
 /// at most 2.2e-7 (float64 7e-16) over it. Below that they are a series whose terms are right to the rounding of T.

@@ -125,14 +125,14 @@ def test_names_stay_what_they_are_whatever_is_imported_first(first):
 
 
 def test_every_page_of_the_documentation_is_in_its_contents():
-    docs = Path(__file__).parents[2] / "python" / "docs"
+    docs = Path(__file__).parents[3] / "python" / "docs"
     trees = re.findall(r"```{toctree}(.*?)```", (docs / "index.md").read_text(encoding="utf-8"), re.S)
     contents = re.findall(r"[\w-]+", " ".join(trees))
     assert [page.stem for page in docs.glob("*.md") if page.stem not in (*contents, "index")] == []
 
 
 def test_extras_of_messages_are_those_of_the_package():
-    root = Path(__file__).parents[2]
+    root = Path(__file__).parents[3]
     extras = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
     # These are not for what a message may miss: a library that is no Python package, all of them, work on the package.
     others = {"osmesa", "all", "test", "docs", "bench", "dev"}
@@ -145,7 +145,7 @@ def test_extras_of_messages_are_those_of_the_package():
 
 
 def test_the_recipe_for_conda_has_the_requirements_of_the_package():
-    root = Path(__file__).parents[2]
+    root = Path(__file__).parents[3]
     project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
     recipe = (root / "packaging" / "conda" / "meta.yaml").read_text(encoding="utf-8")
 

@@ -31,8 +31,8 @@ from fuzz.scenes import RandomScenes
 from fuzz.shrinking import fewest
 from fuzz.soak import LongRuns
 
-TESTS = Path(__file__).parents[1]
-KEPT = sorted((Path(__file__).parent / "fuzz_kept").glob("*.json"))
+TESTS = Path(__file__).parents[2]
+KEPT = sorted((Path(__file__).parents[1] / "fuzz_kept").glob("*.json"))
 PARTS: dict[str, type[Part]] = {"files": SpoiledFiles, "scenes": RandomScenes, "soak": LongRuns}
 # What a planted fault waits for, and how it shows.
 MARK = b"%"
@@ -108,7 +108,7 @@ def test_a_planted_fault_is_found_made_smaller_and_kept(way: str, tmp_path: Path
     assert found["kinds"]["csv"]["verdicts"]["wrong"] == failure["count"] == 1
     kept = cases.load(tmp_path / "failures" / failure["files"][0])
     assert kept["what"] == what and kept["text"] or way == "exits"
-    assert str(Path(__file__).parents[2]) not in "".join(kept["text"])
+    assert str(Path(__file__).parents[3]) not in "".join(kept["text"])
     spoiled = kept["case"]["files"][kept["case"]["spoiled"]]
     assert MARK in spoiled
     if way not in SLOW:

@@ -24,7 +24,7 @@ import sheetsplat as ss
 
 SIZE = (20, 16)
 WAYS = ("float32", "float64", "sheets", "old_sheets", "papers")
-TABLE = (Path(__file__).resolve().parents[2] / "cpp/src/plan/limits.cpp").read_text(encoding="utf-8")
+TABLE = (Path(__file__).resolve().parents[3] / "cpp/src/plan/limits.cpp").read_text(encoding="utf-8")
 
 
 def rows() -> dict[str, tuple[set[str], str]]:

@@ -14,7 +14,7 @@ import pytest
 import sheetsplat as ss
 from attacks import values
 
-TESTS = Path(__file__).parents[1]
+TESTS = Path(__file__).parents[2]
 SAMPLES = np.random.default_rng(0).random((6, 6, 6))
 
 

@@ -17,7 +17,7 @@ from sheetsplat.options.core import MODES
 from sheetsplat.options.renderer import BACKENDS
 
 ROOT = Path(ss.__file__).parent
-CLONE = Path(__file__).parents[2]
+CLONE = Path(__file__).parents[3]
 FILES = {
     ".".join(("sheetsplat", *path.relative_to(ROOT).with_suffix("").parts)).removesuffix(".__init__"): path
     for path in sorted(ROOT.rglob("*.py"))
@@ -179,7 +179,7 @@ TABLES = (
     "cpp/src/backend_cpu/include/backend_cpu/measured.hpp",
 )
 CPP_TEST = re.compile(r"\b([A-Z]\w+\.[A-Za-z]\w+)(?:/(\w*)(<name>)?)?")
-PYTHON_TEST = re.compile(r"(?<![\w/])(?:tests/python/)?(test_\w+)(\.py)?")
+PYTHON_TEST = re.compile(r"(?<![\w/])(?:tests/python/(?:\w+/)?)?(test_\w+)(\.py)?")
 QUALIFIER = re.compile(r"^(?:largest|smallest|least|most|widest|longest)_|^(?:paper_)|_float64$")
 
 
@@ -229,7 +229,7 @@ def cases() -> dict[str, set[str]]:
 @cache
 def python_tests() -> set[str]:
     """Return the names of Python's tests and of their files."""
-    files = list(Path(__file__).parent.glob("test_*.py"))
+    files = list(Path(__file__).parents[1].rglob("test_*.py"))
     names = {name for file in files for name in re.findall(r"^def (test_\w+)", file.read_text("utf-8"), re.MULTILINE)}
     return names | {file.stem for file in files}
 

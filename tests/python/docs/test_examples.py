@@ -21,7 +21,7 @@ NEEDED = {
 }
 # Of the stored picture's contrast. Compression of the stored pictures is up to 0.08 of it.
 LIMIT = 0.13
-SAMPLE_PROGRAM = Path(__file__).parents[2] / "build" / "cpp" / "apps" / "sheetsplat_render"
+SAMPLE_PROGRAM = Path(__file__).parents[3] / "build" / "cpp" / "apps" / "sheetsplat_render"
 
 
 def stored(name: str) -> Image.Image:

@@ -26,7 +26,7 @@ from sheetsplat.options.scene import SceneOptions
 from sheetsplat.options.spelling import flag_of, flags, spellings
 from sheetsplat.options.workers import WorkerOptions
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 DOCS = ROOT / "python" / "docs"
 TAKERS = [
     (ss.render, RenderOptions),

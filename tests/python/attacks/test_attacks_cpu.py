@@ -276,7 +276,7 @@ print("done")
 
 def test_forked_processes_draw_and_end() -> None:
     """A forked process has no copies of the threads: it must neither wait for them nor end them."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])}
     result = subprocess.run(
         [sys.executable, "-c", IN_CHILD], env=environment, capture_output=True, text=True, timeout=100
     )
@@ -417,7 +417,7 @@ print("done")
 
 @pytest.mark.slow
 def test_memory_that_runs_out_is_an_error_and_no_end() -> None:
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])}
     result = subprocess.run(
         [sys.executable, "-c", STARVED], env=environment, capture_output=True, text=True, timeout=300
     )

@@ -33,7 +33,7 @@ def test_the_table_of_effects_in_the_docs_is_the_engines() -> None:
     for name, meaning, _, listed, forced_by in native.known_effects():
         backends = ", ".join(shown[b] + (" *" if b in forced_by else "") for b in listed if b in shown)
         rows.append(f"| `{name}` | {backends} | {meaning} |")
-    text = (Path(__file__).parents[2] / "python" / "docs" / "effects.md").read_text(encoding="utf-8")
+    text = (Path(__file__).parents[3] / "python" / "docs" / "effects.md").read_text(encoding="utf-8")
     table = text[text.index("| effect | backends | on means |") :].split("\n\n")[0].splitlines()[2:]
     assert table == rows, "\n".join(rows)
 

@@ -10,7 +10,7 @@ nbformat = pytest.importorskip("nbformat", reason="needs the packages nbclient a
 nbclient = pytest.importorskip("nbclient", reason="needs the packages nbclient and ipykernel")
 pytest.importorskip("ipykernel", reason="needs the packages nbclient and ipykernel")
 
-NOTEBOOKS = Path(__file__).parents[2] / "python" / "docs" / "notebooks"
+NOTEBOOKS = Path(__file__).parents[3] / "python" / "docs" / "notebooks"
 
 
 @pytest.mark.slow

@@ -31,7 +31,8 @@ constexpr T all_absorbed = T(2) * MathOf<T>::all_gone;
 //   has_opacity     else what is found is an opaque surface
 //   may()           lanes that may show; here, after: the columns that clipping keeps of slices n and n + 1
 //   share()         where the points of lanes lie, in slice distances behind slice n
-//   opacity()       of the slab as it is composited, 0 outside of lanes `seen`; faded: what gradient opacity leaves
+//   opacity()       of the slab as it is composited, 0 outside of lanes `seen`; faded: what gradient opacity leaves of
+//                   them, 0 outside
 // and those that several groups mix
 //   absorption()    -ln(1 - opacity) in place of it; weight: tau (conventions, section 4)
 template <class T>
@@ -99,15 +100,15 @@ class Slices : public Classified<T> {
     [[nodiscard]] HWY_INLINE V share(int /*x*/, int /*y*/, M /*seen*/) const { return hn::Zero(D()); }
 
     template <bool perspective>
-    [[nodiscard]] HWY_INLINE V opacity(int x, int y, M seen, V faded, C& color) const {
-        const V own = of_length(x, y, seen, faded, color);
+    [[nodiscard]] HWY_INLINE V opacity(int x, int y, M /*seen*/, V faded, C& color) const {
+        const V own = of_length(x, y, faded, color);
         return this->slab_.shading.correct ? corrected_opacity(D(), own, this->template exponent<perspective>(x, y))
                                            : own;
     }
     template <bool perspective>
-    [[nodiscard]] HWY_INLINE V absorption(int x, int y, M seen, V faded, C& color, V& weight) const {
+    [[nodiscard]] HWY_INLINE V absorption(int x, int y, M /*seen*/, V faded, C& color, V& weight) const {
         const D d;
-        const V a = of_length(x, y, seen, faded, color);
+        const V a = of_length(x, y, faded, color);
         weight = HWY_NAMESPACE::absorption(d, hn::Min(a, this->all(T(1) - T(0x1p-24))));
         const M clear = hn::Lt(a, this->all(T(1)));
         const V thin = hn::Mul(this->template exponent<perspective>(x, y),
@@ -117,12 +118,12 @@ class Slices : public Classified<T> {
 
   private:
     /// Opacity per reference length.
-    [[nodiscard]] HWY_INLINE V of_length(int x, int y, M seen, V faded, C& color) const {
+    [[nodiscard]] HWY_INLINE V of_length(int x, int y, V faded, C& color) const {
         const D d;
         typename Table::Place place;
-        const V own = hn::IfThenElseZero(seen, table_.opacity(d, this->rho(x, y), place));
+        const V own = table_.opacity(d, this->rho(x, y), place);
         color = table_.color(d, place);
-        return hn::Mul(own, hn::IfThenElseZero(seen, faded));
+        return hn::Mul(own, faded);
     }
 
     const Table table_;
@@ -157,7 +158,7 @@ class Intervals : public Classified<T> {
     template <bool perspective>
     [[nodiscard]] HWY_INLINE V absorption(int x, int y, M seen, V faded, C& color, V& mean) const {
         const V own = ramp_absorption(D(), this->slab_.group.ramps, this->rho(x, y), this->rho(x, y, 1), seen, color);
-        mean = hn::Mul(own, hn::IfThenElseZero(seen, faded));
+        mean = hn::Mul(own, faded);
         return hn::Mul(this->template exponent<perspective>(x, y), mean);
     }
 };
@@ -189,7 +190,7 @@ class SecondOrder : public Classified<T> {
         const D d;
         const V zero = hn::Zero(d), one = this->all(T(1)), third = this->all(T(1) / T(3));
         const V front = this->rho(x, y), back = this->rho(x, y, 1);
-        const V over_all = hn::Mul(this->template exponent<perspective>(x, y), hn::IfThenElseZero(seen, faded));
+        const V over_all = hn::Mul(this->template exponent<perspective>(x, y), faded);
         const V over_half = hn::Mul(over_all, this->all(T(0.5)));
         const RampHalves<D> ramps =
             ramp_halves(d, this->slab_.group.ramps, front, middle_of(front, back, x, y), back, seen);

@@ -121,7 +121,7 @@ template <bool perspective, bool mixed, class Kind, class T>
 HWY_NOINLINE bool classify(const Kind& kind, EffectRow<T>& row) {
     const typename Slab<T>::D d;
     return row.classify_by([&](int x, int number, auto seen, auto& color) {
-        const auto faded = hn::Load(d, row.faded + number);
+        const auto faded = hn::IfThenElseZero(seen, hn::Load(d, row.faded + number));
         if constexpr (mixed) {
             typename Slab<T>::V weight;
             const auto absorption = kind.template absorption<perspective>(x, row.y, seen, faded, color, weight);

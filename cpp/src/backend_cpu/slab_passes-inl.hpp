@@ -124,7 +124,8 @@ HWY_NOINLINE void absorb(const Slab<T>& slab, const Kind& kind) {
             }
             Color<typename Slab<T>::D> color;
             typename Slab<T>::V weight;
-            const auto lost = kind.template absorption<false>(x, y, seen, hn::Set(d, T(1)), color, weight);
+            const auto whole = hn::IfThenElseZero(seen, hn::Set(d, T(1)));
+            const auto lost = kind.template absorption<false>(x, y, seen, whole, color, weight);
             T* sum = slab.picture.alpha + slab.in_plane(y) + x;
             hn::StoreU(hn::Add(hn::LoadU(d, sum), hn::Min(lost, hn::Set(d, densest_slice))), d, sum);
         }

@@ -12,6 +12,5 @@ import sys
 from pathlib import Path
 
 # Scenes and files that tests share with the command.
-_TESTS = str(Path(__file__).resolve().parents[1] / "python")
-if _TESTS not in sys.path:
-    sys.path.append(_TESTS)
+_TESTS = Path(__file__).resolve().parents[1] / "python"
+sys.path += [str(one) for one in (_TESTS, *sorted(_TESTS.iterdir())) if one.is_dir() and str(one) not in sys.path]

@@ -70,8 +70,16 @@ def shown(page):
 
 
 def complete_after(page, number):
-    """Wait for a complete picture that is newer than a frame."""
+    """Wait for a complete picture that is newer than a frame, and until no newer one comes.
+
+    The first one may be the finer one of what was done before.
+    """
     page.wait(f"window.sheetsplat.view.drawn.number > {number} && {LAST}")
+    before, end = number, time.monotonic() + 10
+    while (now := shown(page)) != before and time.monotonic() < end:
+        before = now
+        time.sleep(0.3)
+        page.wait(LAST)
 
 
 def pixels(page):

@@ -36,7 +36,7 @@ from sheetsplat.choose.picture import choose, kept
 from sheetsplat.errors import InvalidInput, complain, option_ref, option_refs, unusable
 from sheetsplat.fields import EllipsoidField, Field, RegularField, any_in_bricks
 from sheetsplat.image import Image
-from sheetsplat.look.decades import logarithmic
+from sheetsplat.look.decades import in_decades
 from sheetsplat.notices import warn
 from sheetsplat.options.bricks import cluster_of
 from sheetsplat.options.camera import CameraOptions
@@ -142,6 +142,17 @@ def _is_made(data: object) -> bool:
     return several or isinstance(data, Field)
 
 
+def _refuse_for_made(given: Mapping[str, Any]) -> None:
+    """Raise InvalidInput for options of `open` that were given for fields."""
+    if given:
+        raise complain(
+            "render: these options cannot be used",
+            option_refs(given) + " for a field that is made already",
+            "them only for arrays and files",
+            "give them to the field itself, or to sheetsplat.open",
+        )
+
+
 def to_fields(data: object, **options: Unpack[OpenOptions]) -> list[Field]:
     """Return the fields of an array, a path, a field or several fields; `options` make fields of the first two.
 
@@ -155,24 +166,13 @@ def to_fields(data: object, **options: Unpack[OpenOptions]) -> list[Field]:
     if isinstance(data, str | os.PathLike) or kind_of_object(data) is not None:
         return [_opened(data, given)]
     if _is_made(data):
-        if given:
-            raise complain(
-                "render: these options cannot be used",
-                option_refs(given) + " for a field that is made already",
-                "them only for arrays and files",
-                "give them to the field itself, or to sheetsplat.open",
-            )
+        _refuse_for_made(given)
         return [data] if isinstance(data, Field) else list(data)  # type: ignore[call-overload]
-    log = given.pop("log", False)
+    log = given.pop("log", None)
     for name in pick(FileOptions, given):
         raise complain(unusable(f"render: {name}"), "an array", f"{name} only for files")
     field = RegularField(data, **given)  # type: ignore[arg-type]
-    if log is False:
-        return [field]
-    # Readers are not needed before.
-    from sheetsplat.io.kernels import log_base
-
-    return [logarithmic(field, log_base(field.values, "the samples", log))]
+    return [field] if log is None else in_decades([field], {}, log)
 
 
 def _refuse_one_for_each(count: int, look: Mapping[str, Any]) -> None:
@@ -199,7 +199,9 @@ def _is_color(part: object) -> bool:
 
 @dataclass(frozen=True)
 class Opened:
-    """Data as fields that have the kernels which were given, or plain ones; a scene stays one.
+    """Data as fields of their values that have the kernels which were given, or plain ones; a scene stays one.
+
+    Whether their logarithm is shown is a matter of the mode.
 
     Attributes
     ----------
@@ -218,7 +220,10 @@ class Opened:
         if isinstance(data, Scene):
             return cls(data)
         path = Path(data) if isinstance(data, str) else data
-        return cls(data, tuple(to_fields(path, **pick(OpenOptions, options))))
+        given = pick(OpenOptions, options)
+        if _is_made(data):
+            _refuse_for_made(_given(OpenOptions, given))
+        return cls(data, tuple(to_fields(path, **{**given, "log": None})))
 
 
 def _chosen(opened: Opened, options: Any, asked: Asked, size: tuple[int, int], outputs: Iterable[str]) -> Decisions:

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import Bounds, Triple
-from sheetsplat.errors import complain
+from sheetsplat.errors import complain, option_ref
 from sheetsplat.fields import BrickedKernels, Field, as_fields, default_spacing, joined_bounds
 from sheetsplat.light import Light, Material
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.core import check_names, checked, documented
 from sheetsplat.options.scene import IsoValue, SceneOptions, surfaces_of
 from sheetsplat.plan import PictureQuality
@@ -138,6 +139,14 @@ class Scene:
             self._native = self._made()
 
     def _made(self) -> _sheetsplat.Scene:
+        if TRAITS[self.mode].adds and self.notes:
+            raise complain(
+                f"Scene: mode {self.mode} cannot be used",
+                f"a field of logarithms: {self.notes[0]}",
+                "a field of the values, whose sums along rays mean something",
+                "open the field without log; " + option_ref("log_scale", "true") + " shows the logarithm of the sums",
+                option="mode",
+            )
         native = {name: _native(value) for name, value in self._options.items()}
         # The engine makes the numbers of a scalar picture; the image makes their colours, and the mean of samples.
         del native["scalar_colors"], native["supersampling"], native["iso_value"]

@@ -18,7 +18,7 @@ from sheetsplat.choose.slices import Size, error_of_light, slice_spacing, slices
 from sheetsplat.fields import Field, RegularField
 from sheetsplat.fields.regular import PLAIN_KERNEL
 from sheetsplat.framing import compose_camera, fitting_depth_cue
-from sheetsplat.look.decades import in_decades
+from sheetsplat.look.decades import in_decades, with_log_scale
 from sheetsplat.look.strays import without_strays
 from sheetsplat.look.surface import surface_text
 from sheetsplat.modes import TRAITS
@@ -62,9 +62,11 @@ def choose(
     cue_color
         To which a depth cue "auto" fades.
     """
-    look = {**(suggested or {}), **pick_given(LookOptions, options)}
+    look: Mapping[str, Any] = {**(suggested or {}), **pick_given(LookOptions, options)}
     framed = options.get("camera") is None and options.get("target") is None
-    usual = without_strays(in_decades(fields, look, options.get("log")), look, framed=framed)
+    log = options.get("log")
+    look = with_log_scale(fields, look, log)
+    usual = without_strays(in_decades(fields, look, log), look, framed=framed)
     with_kernels = [with_kernel(one, asked, made=made) for one in usual]
     kernels = tuple(decision for _, decided in with_kernels for decision in decided)
     # The camera decides on them.

@@ -140,7 +140,11 @@ class Field(ABC):
         """
         given = {"name": name, "unit": unit, "length_unit": length_unit, "floor": floor, "axes": axes}
         changes: dict[str, Any] = {key: one for key, one in given.items() if one is not None}
-        return self._with(_quantity=replace(self._quantity, **changes))
+        return self.of_quantity(replace(self._quantity, **changes))
+
+    def of_quantity(self, quantity: Quantity) -> Self:
+        """Return the same field, without a copy of its arrays, with another quantity."""
+        return self._with(_quantity=quantity)
 
     def opened_with(self, options: Mapping[str, Any]) -> Self:
         """Return the same field with the options of `sheetsplat.open` that made it, for the pictures of it."""

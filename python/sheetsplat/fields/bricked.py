@@ -219,8 +219,8 @@ class BrickedField(RegularField):
         survey = self.survey.shown_by(source)
         return self._with(source=source, survey=survey, native=self._stand_in(source, survey))
 
-    def logarithmic(self, floor: float) -> BrickedField:
-        """Return a field of log10(value / floor), 0 for smaller values."""
+    def logarithmic(self, floor: float | None) -> BrickedField:
+        """Return a field of log10(value / floor), 0 for smaller values; without a floor one of the values."""
         return self._shown(floor=floor)
 
     def clipped(self, limits: tuple[float, float]) -> BrickedField:

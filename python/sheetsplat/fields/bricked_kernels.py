@@ -155,8 +155,8 @@ class BrickedKernels(EllipsoidField):
         native = self.with_rows(*rows, value_range=facts.value_range).native
         return self._with(source=source, facts=facts, native=native)
 
-    def logarithmic(self, floor: float) -> BrickedKernels:
-        """Return a field of log10(value / floor), 0 for smaller values."""
+    def logarithmic(self, floor: float | None) -> BrickedKernels:
+        """Return a field of log10(value / floor), 0 for smaller values; without a floor one of the values."""
         return self._shown(floor=floor)
 
     def clipped(self, limits: tuple[float, float]) -> BrickedKernels:

@@ -176,7 +176,8 @@ class FileOptions(TypedDict, total=False):
         bool | float | None,
         Option(
             "Show log10(value / smallest value), in decades; or, where it is a number, log10(value / number), with "
-            "smaller values raised to that number.",
+            "smaller values raised to that number. Modes xray and average are of the values themselves; there it stands "
+            "for {log_scale}.",
             unset="False; in a picture by the histogram",
             accepts="bool or float",
             cli=(

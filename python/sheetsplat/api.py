@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, Unpack
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,7 +33,7 @@ from sheetsplat.choose.decisions import Decisions
 from sheetsplat.choose.kernels import with_own_kernel
 from sheetsplat.choose.look import suggested_look
 from sheetsplat.choose.picture import choose, kept
-from sheetsplat.errors import InvalidInput, complain, option_ref, option_refs, unusable
+from sheetsplat.errors import InvalidInput, Unsupported, complain, option_ref, option_refs, unusable
 from sheetsplat.fields import EllipsoidField, Field, RegularField, any_in_bricks
 from sheetsplat.image import Image
 from sheetsplat.look.decades import in_decades
@@ -50,6 +50,9 @@ from sheetsplat.scene import Scene
 if TYPE_CHECKING:
     from sheetsplat.bcc import BccVolume
     from sheetsplat.datasets import Dataset
+
+
+Made = TypeVar("Made", bound=Field)
 
 
 class VtkDataSet(Protocol):
@@ -116,7 +119,12 @@ def open(path: Data, **options: Unpack[OpenOptions]) -> RegularField | Ellipsoid
     """
     check_names("open", options, OpenOptions)
     asked = Asked.of("open", options)
-    return with_own_kernel(_opened(path, options), asked)
+    given = _given(OpenOptions, options)
+    weight = given.pop("weight", None)
+    if isinstance(weight, str):
+        return with_own_kernel(_opened(path, options), asked)
+    field = _opened(path, given)
+    return with_own_kernel(field if weight is None else _weighted([field], weight, given)[0], asked)
 
 
 def _opened(path: Any, options: Any) -> RegularField | EllipsoidField:
@@ -156,9 +164,28 @@ def _refuse_for_made(given: Mapping[str, Any]) -> None:
 def to_fields(data: object, **options: Unpack[OpenOptions]) -> list[Field]:
     """Return the fields of an array, a path, a field or several fields; `options` make fields of the first two.
 
-    Their kernels are those that were given, or plain ones.
+    Their kernels are those that were given, or plain ones; they may have weights, which fields take, too.
     """
     given = _given(OpenOptions, options)
+    weight = given.pop("weight", None)
+    if isinstance(weight, str):
+        return _fields_of(data, {**given, "weight": weight})
+    fields = _fields_of(data, given)
+    return fields if weight is None else _weighted(fields, weight, given)
+
+
+def _weighted(fields: list[Made], weight: Any, given: Mapping[str, Any]) -> list[Made]:
+    """Return fields whose means are weighted by another file, a field, or numbers."""
+    if len(fields) > 1:
+        found, wanted = f"weights for {len(fields)} fields", "one field"
+        raise complain(unusable("render: weight"), found, wanted, option="weight", kind=Unsupported)
+    if isinstance(weight, os.PathLike):
+        (weight,) = _fields_of(weight, {name: one for name, one in given.items() if name not in ("log", "scalar")})
+    return [one.weighted_by(weight) for one in fields]
+
+
+def _fields_of(data: Any, given: dict[str, Any]) -> list[Field]:
+    """Return the fields of data, by the options of `open` that were given."""
     # Generated data sets, and other objects with a method field().
     maker = None if isinstance(data, np.ndarray) else attribute(data, "field")
     if callable(maker):
@@ -167,11 +194,11 @@ def to_fields(data: object, **options: Unpack[OpenOptions]) -> list[Field]:
         return [_opened(data, given)]
     if _is_made(data):
         _refuse_for_made(given)
-        return [data] if isinstance(data, Field) else list(data)  # type: ignore[call-overload]
+        return [data] if isinstance(data, Field) else list(data)
     log = given.pop("log", None)
     for name in pick(FileOptions, given):
         raise complain(unusable(f"render: {name}"), "an array", f"{name} only for files")
-    field = RegularField(data, **given)  # type: ignore[arg-type]
+    field = RegularField(data, **given)
     return [field] if log is None else in_decades([field], {}, log)
 
 
@@ -222,7 +249,8 @@ class Opened:
         path = Path(data) if isinstance(data, str) else data
         given = pick(OpenOptions, options)
         if _is_made(data):
-            _refuse_for_made(_given(OpenOptions, given))
+            of_made = _given(OpenOptions, given)
+            _refuse_for_made({name: one for name, one in of_made.items() if name != "weight" or isinstance(one, str)})
         return cls(data, tuple(to_fields(path, **{**given, "log": None})))
 
 
@@ -246,6 +274,7 @@ def _chosen(opened: Opened, options: Any, asked: Asked, size: tuple[int, int], o
     suggested = suggested_look(data, look)
     # False has the same effect as leaving the option out.
     wanted = [*(name for name, value in look.items() if value is not False), *outputs]
+    wanted += [name for name in ("weight",) if options.get(name) is not None]
     mode = choice("render: mode", look.get("mode", suggested.get("mode", MODES[0])), MODES)
     if ignored := unused(mode, wanted):
         warn(f"mode {mode} does not use these options: " + option_refs(ignored))

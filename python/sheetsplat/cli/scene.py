@@ -46,6 +46,8 @@ def file_options(options: dict[str, Any]) -> dict[str, Any]:
         given["shape"] = tuple(reversed(given["shape"]))
     if options["log_floor"] is not None:
         given["log"] = options["log_floor"]
+    if given["weight"] is not None and Path(given["weight"]).is_file():
+        given["weight"] = Path(given["weight"])
     return given
 
 

@@ -136,7 +136,7 @@ class BrickedField(RegularField):
         base: float | None = None,
     ) -> None:
         self._quantity, self._opened, self._orientation = source.quantity, NOT_OPENED, source.orientation
-        self._trim, self._prober = Trim(), None
+        self._trim, self._prober, self._weighting = Trim(), None, None
         self._spacing = triple("open_bricks: spacing", spacing)
         self._origin = triple("open_bricks: origin", origin)
         self._lattice = choice("open_bricks: lattice", lattice, ("cartesian", "bcc"))

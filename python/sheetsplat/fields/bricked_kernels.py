@@ -167,6 +167,10 @@ class BrickedKernels(EllipsoidField):
         """Raise Unsupported: kernels are not in memory."""
         self._refuse("numbers of kernels")
 
+    def weighted_by(self, weight: Any) -> NoReturn:
+        """Raise Unsupported: kernels are not in memory."""
+        self._refuse("weighted means")
+
     def with_ghost_points(self, *, distance: float = 1.0, weight: float = 1.0) -> NoReturn:
         """Raise Unsupported: kernels are not in memory."""
         self._refuse("ghost points")

@@ -179,10 +179,10 @@ def itself(field: Field) -> Field:
     in_bricks = isinstance(field, BrickedField | BrickedKernels)
     if not (in_bricks or log is None or log is True) and field.value_range[0] <= 0.0:
         raise complain(
-            "sums along rays of this field cannot be shown",
-            f"logarithms of values that were raised to {floor:g}",
+            "sums along rays cannot be shown",
+            f"logarithms of values raised to {floor:g}",
             "the values themselves",
-            "open the field without " + option_ref("log") + "; give " + option_ref("log", "true") + " to the picture",
+            "open them without " + option_ref("log") + ", and give it to the picture",
             option="log",
         )
     made = _with_numbers(field, None, lambda values: floor * 10.0**values)

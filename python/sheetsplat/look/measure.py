@@ -33,7 +33,8 @@ def with_values(field: EllipsoidField, values: Floats, **changes: Any) -> Ellips
     """Return a field of the same kernels with other values, (N,), and some options changed."""
     names = ("weights", "normalization", "w0", "falloff", "min_scale", "cell_volume", "base")
     options: Any = {name: getattr(field, name) for name in names} | changes
-    return EllipsoidField(field.centers, field.scales, field.rotations, values, **options)
+    made = EllipsoidField(field.centers, field.scales, field.rotations, values, **options)
+    return made.weighted_by(field.weighting)
 
 
 @dataclass(frozen=True)

@@ -85,6 +85,7 @@ def trimmed(field: Field, trim: Trim) -> Field:
     options: Any = {name: getattr(made, name) for name in names}
     rotations, weights = (None if rows is None else rows[kept] for rows in (made.rotations, made.weights))
     fewer = EllipsoidField(made.centers[kept], made.scales[kept], rotations, values[kept], weights=weights, **options)
+    fewer = fewer.weighted_by(None if made.weighting is None else made.weighting[kept])
     return fewer.of_quantity(made.quantity).with_orientation(made.orientation).opened_with(made.opened).with_trim(trim)
 
 

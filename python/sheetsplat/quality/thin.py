@@ -11,6 +11,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetsplat._checks import Bounds
 from sheetsplat.camera import Camera
 from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, RegularField
 from sheetsplat.look.visible import camera_axes, corners_of, depths_of
@@ -46,6 +47,8 @@ _JUMP = 1e-2
 # A view is along an axis of the world whose part in its direction is above this; a volume has so many slices at least.
 _ALONG = 1.0 - 1e-6
 _FEWEST_SLICES = 4
+# Samples across the box of a clip, and slices in it seen along an axis: what it cuts counts to a thousandth.
+_ACROSS_CUTS, _SLICES_OF_CUTS, _SLICES_OF_REGIONS = 1600.0, 512, 128
 _FACES = ([0, -1], (slice(None), [0, -1]), (slice(None), slice(None), [0, -1]))
 # Pixels and slices on each side of a kernel that are looked at for what it loses; larger ones lose nothing that way.
 _NEIGHBOURS = 4
@@ -224,8 +227,10 @@ def coarse_lattice(scene: Scene, camera: Camera, size: tuple[int, int], times: f
     return ""
 
 
-def samples_for_ends(scene: Scene, camera: Camera, size: tuple[int, int]) -> int:
-    """Return how many samples a pixel along each axis an x-ray of volumes needs, whose values jump where they end.
+def samples_for_ends(scene: Scene, camera: Camera, size: tuple[int, int], *, cuts: bool = False) -> int:
+    """Return how many samples a pixel along each axis an x-ray needs where volumes end with a jump.
+
+    `cuts`: and where the box of a clip cuts them.
 
     A volume of n pixels has the mass of n + 1/2 of them or of n - 1/2, along each axis, by where its faces lie between
     pixels. 1: one sample is enough.
@@ -233,18 +238,27 @@ def samples_for_ends(scene: Scene, camera: Camera, size: tuple[int, int]) -> int
     if not TRAITS[scene.mode].integrates:
         return 1
     count = 1
-    for one in scene.fields:
-        box = one.domain if isinstance(one, RegularField) else None
-        jump = 0.0 if box is None else _jump(cast(RegularField, one))
-        if box is None or jump == 0.0:
-            continue
+    for box, across, _ in _ends(scene, cuts=cuts):
         corners = corners_of(box)
         seen = (corners - np.asarray(camera.eye)) @ camera_axes(camera)[:2].T
         if camera.kind == "perspective":
             seen /= np.maximum(depths_of(corners, camera), camera.near)[:, None]
         pixels = np.ptp(seen, axis=0).min() / _pixel(camera, size)
-        count = max(count, math.ceil(_ENOUGH_ACROSS * min(jump, _MOST_JUMP) / max(float(pixels), 1.0)))
+        count = max(count, math.ceil(across / max(float(pixels), 1.0)))
     return count
+
+
+def _ends(scene: Scene, *, cuts: bool = True) -> Iterator[tuple[Bounds, float, int]]:
+    """Yield the boxes in which what is shown ends, each with the samples across it and the slices that it needs."""
+    for one in scene.fields:
+        box = one.domain if isinstance(one, RegularField) else None
+        jump = 0.0 if box is None else _jump(cast(RegularField, one))
+        if box is not None and jump > 0.0:
+            yield box, _ENOUGH_ACROSS * min(jump, _MOST_JUMP), _FEWEST_SLICES if jump > _JUMP else 0
+    # A clip cuts what it finds. At a sphere's edge pixels and slices are cut by chance, which averages out.
+    clip = scene.options["clip"]
+    if cuts and clip.box is not None and any(one.size for one in scene.fields):
+        yield clip.box, _ACROSS_CUTS, _SLICES_OF_CUTS
 
 
 def slices_for_ends(scene: Scene, camera: Camera) -> float | None:
@@ -256,12 +270,15 @@ def slices_for_ends(scene: Scene, camera: Camera) -> float | None:
     if not TRAITS[scene.mode].integrates:
         return None
     wanted, back = scene.slice_spacing, camera_axes(camera)[2]
-    for one in scene.fields:
-        along = np.flatnonzero(np.abs(back) > _ALONG)
-        box = one.domain if isinstance(one, RegularField) else None
-        if along.size and box is not None and _jump(cast(RegularField, one)) > _JUMP:
-            length = box[1][along[0]] - box[0][along[0]]
-            wanted = min(wanted, length / max(2 * math.ceil(0.5 * length / wanted * (1.0 - 1e-9)), _FEWEST_SLICES))
+    along = np.flatnonzero(np.abs(back) > _ALONG)
+    region = scene.options["clip"].region
+    if region is not None:
+        # Slices that all rays share cut it in few places, whatever the direction.
+        wanted = min(wanted, float(np.ptp(corners_of(region) @ back)) / _SLICES_OF_REGIONS)
+    for box, _, fewest in _ends(scene) if along.size else ():
+        length = box[1][along[0]] - box[0][along[0]]
+        if fewest and length > 0.0:
+            wanted = min(wanted, length / max(2 * math.ceil(0.5 * length / wanted * (1.0 - 1e-9)), fewest))
     return None if math.isclose(wanted, scene.slice_spacing, rel_tol=1e-9) else wanted
 
 

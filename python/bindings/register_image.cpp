@@ -85,7 +85,8 @@ Image image_of(const Pixels& pixels) {
 }
 
 ErrorEstimate estimate_of_arrays(const Pixels& drawn, const Pixels& exact, const std::optional<Pixels>& unstopped,
-                                 const Pixels& halved, const Pixels& doubled, const std::string& mode, bool preintegration,
+                                 const Pixels& halved, const Pixels& doubled, const std::string& mode,
+                                 bool preintegration,
                                  const std::vector<std::tuple<std::string, double, std::string>>& budget) {
     const Image pictures[] = {image_of(drawn), image_of(exact), unstopped ? image_of(*unstopped) : Image{},
                               image_of(halved), image_of(doubled)};
@@ -126,7 +127,8 @@ void register_image(py::module_& module) {
                                })
         .def_property_readonly("map", &view_map);
     module.def("estimate_error", &estimate_of_arrays, py::arg("drawn"), py::arg("exact"), py::arg("unstopped"),
-               py::arg("halved"), py::arg("doubled"), py::kw_only(), py::arg("mode"), py::arg("preintegration"), py::arg("budget"));
+               py::arg("halved"), py::arg("doubled"), py::kw_only(), py::arg("mode"), py::arg("preintegration"),
+               py::arg("budget"));
     module.def("compare", &compare_arrays, py::arg("picture"), py::arg("reference"), py::arg("channels"));
 }
 

@@ -68,9 +68,9 @@ class Renderer::State::Pilots : public Judge {
     double pace_ = 1.0;
     std::optional<Image> reference_;
     double reference_spacing_ = 1.0;
-    Approach approach_;            ///< of pictures of closer and closer slices up to it
-    double reference_error_ = 0.0; ///< by that
-    std::map<double, Image> fine_; ///< by their slice spacing
+    Approach approach_;                 ///< of pictures of closer and closer slices up to it
+    double reference_error_ = 0.0;      ///< by that
+    std::map<double, Image> fine_;      ///< by their slice spacing
     std::map<double, double> of_model_; ///< by slice spacing
     std::optional<double> measured_over_estimated_{};
 };

@@ -133,7 +133,48 @@ def _opened(path: Any, options: Any) -> RegularField | EllipsoidField:
         from sheetsplat.io.objects import field_of_object
 
         return field_of_object(path, kind, given)
+    if isinstance(path, np.ndarray) or _is_list(path):
+        made: RegularField = _of_array("open", path, given)
+        return made
     return open_field(path, given)
+
+
+def _is_list(data: object) -> bool:
+    """Return whether data are a list of numbers, and not one of several data."""
+    if isinstance(data, list | tuple) and _are_several(data):
+        raise complain(
+            "open: several data cannot be opened",
+            f"a list of {len(data)}",
+            "one file or array",
+            "pass the list to sheetsplat.render, or as a series to sheetsplat.animate",
+        )
+    return isinstance(data, list | tuple) and bool(data)
+
+
+def _are_several(data: object) -> bool:
+    """Return whether a list has several data: paths, data of other libraries, fields, or arrays with three axes."""
+    if not isinstance(data, list | tuple):
+        return False
+
+    def is_one(part: object) -> bool:
+        is_path = isinstance(part, str | os.PathLike | Field) or kind_of_object(part) is not None
+        return is_path or attribute(part, "ndim") == 3 or callable(attribute(part, "field"))
+
+    return bool(data) and all(map(is_one, data))
+
+
+def _of_array(owner: str, data: Any, given: dict[str, Any]) -> Any:
+    """Return the field of an array; `given`: options of `open`, of which those of files are refused."""
+    log = given.pop("log", False)
+    for name in pick(FileOptions, given):
+        raise complain(unusable(f"{owner}: {name}"), "an array", f"{name} only for files")
+    field = RegularField(data, **given)
+    if log is False:
+        return field
+    # Readers are not needed before.
+    from sheetsplat.io.kernels import log_base
+
+    return logarithmic(field, log_base(field.values, "the samples", log))
 
 
 def _is_made(data: object) -> bool:
@@ -163,16 +204,9 @@ def to_fields(data: object, **options: Unpack[OpenOptions]) -> list[Field]:
                 "give them to the field itself, or to sheetsplat.open",
             )
         return [data] if isinstance(data, Field) else list(data)  # type: ignore[call-overload]
-    log = given.pop("log", False)
-    for name in pick(FileOptions, given):
-        raise complain(unusable(f"render: {name}"), "an array", f"{name} only for files")
-    field = RegularField(data, **given)  # type: ignore[arg-type]
-    if log is False:
-        return [field]
-    # Readers are not needed before.
-    from sheetsplat.io.kernels import log_base
-
-    return [logarithmic(field, log_base(field.values, "the samples", log))]
+    if _are_several(data):
+        return [field for one in data for field in to_fields(one, **options)]  # type: ignore[attr-defined]
+    return [_of_array("render", data, given)]
 
 
 def _refuse_one_for_each(count: int, look: Mapping[str, Any]) -> None:

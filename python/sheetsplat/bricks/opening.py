@@ -168,9 +168,11 @@ def _with_levels(source: BrickSource, cut: _Cut, partition: Partition, client: A
 def _field(source: BrickSource, cut: _Cut, client: Any, given: Mapping[str, Any]) -> BrickedField:
     """Return the field with the kernels that were given, or plain ones."""
     if "spacing" not in given:
-        tell_units(source.quantity.axes, source.shape, source.spacing)
+        tell_units(source.quantity, source.shape, source.spacing)
     names = (*definitions(PlacementOptions), *definitions(KernelOptions))
     placed: dict[str, Any] = {"spacing": source.spacing, "origin": source.origin}
+    if source.holey:
+        placed["nan"] = "skip"
     placed |= {name: given[name] for name in names if name in given}
     lattice = placed.get("lattice", "cartesian")
     choice("open_bricks: lattice", lattice, ("cartesian", "bcc"))
@@ -189,7 +191,7 @@ def _field(source: BrickSource, cut: _Cut, client: Any, given: Mapping[str, Any]
         found = each(client, source, (partition, plan), len(partition), task, merge, partition, "drawn")
     cores = [one.samples for one in partition.bricks if one.samples is not None]
     known = Survey.of(source, found, cores, plan)
-    if known.missing and given.get("nan", "error") == "error":
+    if known.missing and placed.get("nan", "error") == "error":
         raise complain(
             f"{source.name} cannot be drawn",
             f"{known.missing} of {known.size} samples are NaN",

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from sheetsplat import notices
+from sheetsplat._checks import triple
 from sheetsplat.errors import InvalidInput
-from sheetsplat.io.axes import along_the_world
 from sheetsplat.io.checks import beside, checked_shape, floats, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
@@ -75,8 +76,8 @@ def _dtype(path: Path, fields: dict[str, str]) -> np.dtype[Any]:
 
 def _check_supported(path: Path, fields: dict[str, str]) -> None:
     for name, default, wanted, advice in (
-        ("NDims", "(none)", "3", ""),
-        ("ElementNumberOfChannels", "1", "1", "choose one channel"),
+        ("NDims", "(none)", "3", "choose one time step, and write it to a file of its own"),
+        ("ElementNumberOfChannels", "1", "1", "choose one channel, and write it to a file of its own"),
     ):
         if fields.get(name, default) != wanted:
             raise unreadable(path, f"{name} = {fields.get(name, default)}", wanted, advice)
@@ -135,10 +136,19 @@ def read(source: Source, *, located: bool = False) -> Volume:
     else:
         with Source(beside(path, name)) as other:
             values = other.samples(dtype, count, 0, encoding=encoding, skip=skip, located=located)
-    steps = np.reshape(matrix, (3, 3)) * np.abs(spacing)[:, np.newaxis]
-    placed = along_the_world(path, "TransformMatrix", steps, np.asarray(origin), values.reshape(sizes[::-1]))
+    if any(floats(path, "CenterOfRotation", fields.get("CenterOfRotation", "0 0 0"), 3)):
+        # ITK turns volumes about the first sample, and writes 0 here.
+        notices.warn(f"{path}: CenterOfRotation = {fields['CenterOfRotation']} is not used")
     details = {name.lower(): fields[name][:_LONGEST] for name in _TOLD if fields.get(name, "") not in _NOTHING}
-    return Volume(*placed, "metaimage", details, _quantity(fields, dtype), _orientation(fields, turned=turned))
+    return Volume(
+        values.reshape(sizes[::-1]),
+        origin=triple("origin", origin),
+        format="metaimage",
+        details=details,
+        quantity=_quantity(fields, dtype),
+        orientation=_orientation(fields, turned=turned),
+        axes=np.reshape(matrix, (3, 3)) * np.abs(spacing)[:, np.newaxis],
+    )
 
 
 def _quantity(fields: dict[str, str], dtype: np.dtype[Any]) -> Quantity:

@@ -16,7 +16,7 @@ from sheetsplat import _memory
 from sheetsplat._checks import is_off, shown
 from sheetsplat.errors import complain, option_refs
 from sheetsplat.fields import EllipsoidField, RegularField
-from sheetsplat.io.axes import tell_units
+from sheetsplat.io.axes import settled, tell_units
 from sheetsplat.io.checks import Where, printable, unreadable
 from sheetsplat.io.formats import FORMATS, SCATTERED, Format, find_format, format_of
 from sheetsplat.io.kernels import field_of, given, log_base, logarithm
@@ -101,7 +101,7 @@ def read_volume(
             raise complain(what, wrong, "a regular volume", advice)
         _refuse_others(path, found, options)
         volume: Volume = found.read(source, **options)
-        return volume
+    return settled(str(path), volume)
 
 
 def read_scattered(
@@ -258,9 +258,15 @@ def _of_scattered(data: Scattered, options: Mapping[str, Any]) -> EllipsoidField
 
 def _of_volume(volume: Volume, options: Mapping[str, Any]) -> RegularField:
     if "spacing" not in options:
-        tell_units(volume.quantity.axes, volume.values.shape, volume.spacing)
-    placed = {"spacing": volume.spacing, "origin": volume.origin}
-    chosen = {**placed, **{name: options[name] for name in _SAMPLES if name in options}}
+        tell_units(volume.quantity, volume.values.shape, volume.spacing)
+    chosen: dict[str, Any] = {"spacing": volume.spacing, "origin": volume.origin}
+    if volume.packing.missing and np.isnan(volume.values).any():
+        chosen["nan"] = "skip"
+    chosen |= {name: options[name] for name in _SAMPLES if name in options}
+    if volume.axes is not None:
+        # A spacing that was asked for is that along the directions of the file.
+        lengths = np.asarray(chosen.pop("spacing")) / np.asarray(volume.spacing)
+        chosen["axes"] = volume.axes * lengths[:, None]
     field = RegularField(volume.values, **chosen)
     field = field.with_quantity_of_samples(volume.quantity, volume.spacing, volume.origin, "cartesian")
     return field.with_orientation(volume.orientation)
@@ -272,7 +278,7 @@ def field_of_record(
     """Return the field of data that were read; `options` are those of `sheetsplat.open` that the caller gave."""
     if isinstance(record, Scattered):
         return _of_scattered(record, options)
-    return _of_volume(_in_decades(record, options.get("log", False), where), options)
+    return _of_volume(_in_decades(settled(where, record), options.get("log", False), where), options)
 
 
 def open_field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> RegularField | EllipsoidField:

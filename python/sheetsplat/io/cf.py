@@ -7,6 +7,7 @@ import binascii
 import struct
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,8 @@ READ = (
     *("units", "long_name", "standard_name", "axis", "positive", "coordinates"),
 )
 _MOST_FILLS = 16
+# How names of dimensions begin that have none.
+_UNNAMED = "dim_"
 
 
 def _text(attributes: Mapping[str, Any], *names: str) -> str:
@@ -125,6 +128,14 @@ class Coordinate:
         return bool(words.intersection(_TIMES)) or str(self.attributes.get("axis", "")).upper() == "T" or self.is_date
 
 
+def dimension_names(names: Sequence[object]) -> tuple[str, ...]:
+    """Return the names of dimensions, with others where there is none or one that is there already."""
+    found: list[str] = []
+    for number, name in enumerate(names):
+        found.append(name if isinstance(name, str) and name and name not in found else f"{_UNNAMED}{number}")
+    return tuple(found)
+
+
 _UNKNOWN = Coordinate(np.empty(0))
 
 
@@ -161,10 +172,16 @@ class NamedArray:
         return self.coordinates.get(name, _UNKNOWN)
 
     def time_axis(self) -> int | None:
-        """Return the number of the dimension that is time; None where there is none, or no further ones."""
+        """Return the number of the dimension that is time; None where there is none, or no further ones.
+
+        The first of four without a name counts as time, where each has several places.
+        """
         if len(self.dimensions) <= 3:
             return None
-        return next((at for at, name in enumerate(self.dimensions) if self.coordinate(name).is_time(name)), None)
+        named = (at for at, name in enumerate(self.dimensions) if self.coordinate(name).is_time(name))
+        sizes, first = self.samples.shape, str(self.dimensions[0])
+        first_of_four = len(sizes) == 4 and min(sizes) > 1 and first.startswith(_UNNAMED)
+        return next(named, 0 if first_of_four else None)
 
     @property
     def steps(self) -> int:
@@ -243,6 +260,8 @@ class NamedArray:
         if len(made.dimensions) != 3:
             larger = [name for name, size in zip(self.dimensions, sizes, strict=True) if size > 1]
             advice = f"choose one, for example .isel({larger[0]}=0)" if spare > 0 else ""
+            if spare > 0 and isinstance(self.where, Path):
+                advice = "open it with xarray, h5py or zarr, choose one, and pass that array"
             told = listed([f"{name} {size}" for name, size in zip(self.dimensions, sizes, strict=True)])
             raise unreadable(self.where, f"{len(sizes)} dimensions: {told}", "three dimensions", advice)
         return _placed(made, file_format, resample=resample)
@@ -281,7 +300,7 @@ def _placed(one: NamedArray, file_format: str, *, resample: bool) -> Volume:
         for name, unit, places, sign in zip(names, units, positions, (1.0, 1.0, -1.0 if down else 1.0), strict=True)
     ]
     name = _text(one.attributes, "long_name", "standard_name") or printable(one.name)
-    has_names = not all(str(name).startswith("dim_") for name in names)
+    has_names = not all(str(name).startswith(_UNNAMED) for name in names)
     details = {"content": name, "dimensions": ", ".join(map(str, names)) if has_names else "", **placed.details}
     return Volume(
         placed.values,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Hashable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -17,7 +18,7 @@ from sheetsplat import _memory
 from sheetsplat._checks import shown, triple
 from sheetsplat.errors import option_ref
 from sheetsplat.io import vtk_hdf
-from sheetsplat.io.cf import READ, Coordinate, NamedArray
+from sheetsplat.io.cf import READ, Coordinate, NamedArray, dimension_names
 from sheetsplat.io.checks import Where, floats, listed, printable, unreadable
 from sheetsplat.io.hdf5_access import attribute, check_stored, checked, inside, read_dataset, seekable, walk
 from sheetsplat.io.records import Volume
@@ -51,35 +52,31 @@ def kind_of(source: Source) -> str:
 
 
 def _attributes(one: Any) -> dict[str, Any]:
-    return {name: told for name in READ if (told := attribute(one, name, 16)) is not None}
-
-
-def _words(told: Any) -> Any:
-    return told.decode("utf-8", "replace") if isinstance(told, bytes) else told
+    found = {name: told for name in READ if (told := attribute(one, name, 16)) is not None}
+    return {name: told.decode("utf-8", "replace") if isinstance(told, bytes) else told for name, told in found.items()}
 
 
 def named(where: Where, one: Any) -> NamedArray:
     """Return a dataset with the dimension scales that are attached to it, of which no sample is read yet."""
     path = Path(where)
-    dimensions: list[str] = []
-    coordinates: dict[Any, Coordinate] = {}
+    titles: list[str] = []
+    scales: list[Any] = []
     for number, size in enumerate(one.shape):
         along = one.dims[number]
         scale = along[0] if len(along) else None
         if not (isinstance(scale, h5py.Dataset) and scale.shape == (size,) and scale.dtype.kind in "iuf"):
             scale = None
-        title = printable(along.label) or ("" if scale is None else str(scale.name).rsplit("/", 1)[-1])
-        # Names that are there already would stand for both.
-        dimensions.append(title if title and title not in dimensions else f"dim_{number}")
-        if scale is not None:
-            numbers = read_dataset(path, scale, str(scale.name))
-            coordinates[dimensions[-1]] = Coordinate(
-                numbers, {name: _words(told) for name, told in _attributes(scale).items()}
-            )
-    attributes = {name: _words(told) for name, told in _attributes(one).items()}
+        titles.append(printable(along.label) or ("" if scale is None else str(scale.name).rsplit("/", 1)[-1]))
+        scales.append(scale)
+    dimensions = dimension_names(titles)
+    coordinates: dict[Hashable, Coordinate] = {
+        name: Coordinate(read_dataset(path, scale, str(scale.name)), _attributes(scale))
+        for name, scale in zip(dimensions, scales, strict=True)
+        if scale is not None
+    }
     name = str(one.name).rsplit("/", 1)[-1]
     samples = LazySamples.of(partial(_part_of, path, one), one.dtype, one.shape)
-    return NamedArray(where, name, tuple(dimensions), samples, attributes, coordinates)
+    return NamedArray(where, name, dimensions, samples, _attributes(one), coordinates)
 
 
 def _part_of(path: Path, one: Any, index: tuple[int | slice, ...]) -> NDArray[Any]:

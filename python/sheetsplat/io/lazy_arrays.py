@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from sheetsplat.io.cf import READ, NamedArray
+from sheetsplat.io.cf import READ, NamedArray, dimension_names
 from sheetsplat.io.checks import Where, check_volume
 from sheetsplat.io.records import Volume
 from sheetsplat.io.stored import LazySamples
@@ -31,12 +31,11 @@ def named(data: Any, where: Where) -> NamedArray:
     names = getattr(getattr(data, "metadata", None), "dimension_names", None) or told.get("_ARRAY_DIMENSIONS")
     if not names or len(names) != len(data.shape):
         names = [None] * len(data.shape)
-    dimensions = tuple(str(name) if name else f"dim_{number}" for number, name in enumerate(names))
     check_volume(str(where), data.shape, data.dtype)
     samples = LazySamples.of(partial(part_of, data), data.dtype, data.shape)
     # Names that dask makes up say nothing.
     name = "" if module == "dask" else str(getattr(data, "name", None) or "").rpartition("/")[2]
-    return NamedArray(where, name, dimensions, samples, {key: told[key] for key in READ if key in told})
+    return NamedArray(where, name, dimension_names(names), samples, {key: told[key] for key in READ if key in told})
 
 
 def read(data: Any, where: Where) -> Volume:

@@ -15,7 +15,7 @@ from typing import Any
 from sheetsplat import _memory
 from sheetsplat._checks import shown, triple
 from sheetsplat.errors import InvalidInput, option_ref
-from sheetsplat.io.cf import READ, Coordinate, NamedArray
+from sheetsplat.io.cf import READ, Coordinate, NamedArray, dimension_names
 from sheetsplat.io.checks import chosen_channel, chosen_step, floats, listed, printable, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Folder
@@ -62,7 +62,7 @@ def _named(path: Path) -> NamedArray:
     elif older and older.get("fill_value") is not None:
         # Where dimensions are named, what chunks are filled with is the fill value of the conventions.
         attributes.setdefault("_FillValue", older["fill_value"])
-    dimensions = tuple(str(name) if name else f"dim_{number}" for number, name in enumerate(names))
+    dimensions = dimension_names(names)
     group = path.parent if _is_group(path.parent) else None
     coordinates: dict[Hashable, Coordinate] = {
         name: found

@@ -28,7 +28,7 @@ def needed(name):
 # ------------------------------------------------------------------------------------------------------------- NIfTI
 
 
-def nifti(path, affine=None, values=VALUES, unit="mm", kind="Nifti1Image", **header):
+def nifti(path, affine=None, values=VALUES, unit="mm", kind="Nifti1Image", scale=None, **header):
     nib = needed("nibabel")
     affine = np.diag([2.0, 3.0, 4.0, 1.0]) if affine is None else affine
     image = getattr(nib, kind)(values.T, affine)
@@ -36,6 +36,10 @@ def nifti(path, affine=None, values=VALUES, unit="mm", kind="Nifti1Image", **hea
     for name, value in header.items():
         image.header[name] = value
     nib.save(image, path)
+    if scale is not None:
+        data = bytearray(path.read_bytes())
+        data[112:120] = struct.pack("<ff", *scale)
+        path.write_bytes(data)
     return path
 
 
@@ -70,10 +74,7 @@ def test_nifti_axes_are_those_of_the_body(tmp_path):
 
 
 def test_nifti_samples_are_scaled(tmp_path):
-    path = nifti(tmp_path / "a.nii")
-    data = bytearray(path.read_bytes())
-    data[112:120] = struct.pack("<ff", 0.5, -10)
-    path.write_bytes(data)
+    path = nifti(tmp_path / "a.nii", scale=(0.5, -10))
     np.testing.assert_allclose(ss.open(path).values, VALUES * np.float32(0.5) - 10)
 
 
@@ -185,7 +186,9 @@ def test_dicom_slices_that_do_not_fit(tmp_path):
             ss.open(dicom(tmp_path / str(number), change=change))
 
 
-def test_dicom_frames_of_one_file(tmp_path):
+def frames(folder):
+    """Write a series as the frames of one file."""
+
     def several(data, _):
         data.NumberOfFrames = 4
         data.PixelData = VALUES.tobytes()
@@ -198,8 +201,11 @@ def test_dicom_frames_of_one_file(tmp_path):
             item(PlanePositionSequence=[item(ImagePositionPatient=[10, 20, 30 + 2.5 * z])]) for z in range(4)
         ]
 
-    folder = dicom(tmp_path / "frames", order=[0], change=several)
-    field = ss.open(next(folder.iterdir()))
+    return dicom(folder, order=[0], change=several)
+
+
+def test_dicom_frames_of_one_file(tmp_path):
+    field = ss.open(next(frames(tmp_path / "frames").iterdir()))
     assert np.array_equal(field.values, VALUES - 1024) and field.spacing == (0.5, 0.75, 2.5)
 
 
@@ -481,8 +487,10 @@ def test_time_steps_of_ome_zarr(tmp_path, version):
     for options, text in (({}, "3 time steps; wanted one; pass step=0"), ({"step": 3}, "no step 3 of 3")):
         with pytest.raises(ss.InvalidInput, match=text):
             ss.open(path, **options)
+    # The first of four dimensions without names is that of time.
+    assert np.array_equal(ss.open(f"{path}:/0", step=2).values, stack[2])
     with pytest.raises(ss.InvalidInput, match="step for an array"):
-        ss.open(f"{path}:/0", step=0)
+        ss.open(zarr_array(tmp_path / "b.zarr", version), step=0)
 
 
 @pytest.mark.parametrize("version", [2, 3])

@@ -143,13 +143,16 @@ def test_curvilinear_coordinates_are_told(tmp_path):
             ss.open(one)
 
 
-def test_steps_and_channels_of_tiff(tmp_path):
+def stacked(path, imagej=False):
+    """Write a stack of three times and two channels."""
     stack = np.stack([np.stack([VALUES + 10 * time + channel for channel in range(2)], axis=1) for time in range(3)])
-    for name, options in (
-        ("a.tif", {"imagej": True, "metadata": {"axes": "TZCYX"}}),
-        ("a.ome.tif", {"metadata": {"axes": "TZCYX", "Channel": {"Name": ["DAPI", "GFP"]}}}),
-    ):
-        path = tiff(tmp_path / name, stack, **options)
+    about = {"axes": "TZCYX"} if imagej else {"axes": "TZCYX", "Channel": {"Name": ["DAPI", "GFP"]}}
+    return tiff(path, stack, imagej=imagej, metadata=about)
+
+
+def test_steps_and_channels_of_tiff(tmp_path):
+    for name in ("a.tif", "a.ome.tif"):
+        path = stacked(tmp_path / name, imagej=name == "a.tif")
         chosen = ss.open(path, name="1", step=2)
         assert np.array_equal(chosen.values, VALUES + 21)
         with pytest.raises(ss.InvalidInput, match="3 time steps; wanted one; pass step=0"):
@@ -172,19 +175,25 @@ def test_steps_of_dicom_and_nifti(tmp_path):
     assert len(ss.animate(path, size=16, backend="reference")) == 2
 
 
-def test_doses_and_frames_at_even_distances(tmp_path):
-    def dose(data, _):
+def dose(folder):
+    """Write a dose: frames of which each lies 3 mm beyond the one before."""
+
+    def change(data, _):
         data.NumberOfFrames, data.PixelData, data.Modality = 4, VALUES.tobytes(), "RTDOSE"
         data.GridFrameOffsetVector, data.DoseGridScaling, data.DoseUnits = [0, 3, 6, 9], 0.5, "GY"
         del data.RescaleSlope, data.RescaleIntercept
 
+    return dicom(folder, order=[0], change=change)
+
+
+def test_doses_and_frames_at_even_distances(tmp_path):
     def spaced(data, _):
         data.NumberOfFrames, data.PixelData, data.SpacingBetweenSlices = 4, VALUES.tobytes(), 3
 
     def neither(data, _):
         data.NumberOfFrames, data.PixelData = 4, VALUES.tobytes()
 
-    field = ss.open(dicom(tmp_path / "dose", order=[0], change=dose))
+    field = ss.open(dose(tmp_path / "dose"))
     np.testing.assert_array_equal(field.values, VALUES * np.float32(0.5))
     assert field.spacing == (0.5, 0.75, 3) and field.origin == (10, 20, 30) and field.quantity.label == "dose [Gy]"
     assert ss.open(dicom(tmp_path / "frames", order=[0], change=spaced)).spacing == (0.5, 0.75, 3)
@@ -192,42 +201,68 @@ def test_doses_and_frames_at_even_distances(tmp_path):
         ss.open(dicom(tmp_path / "none", order=[0], change=neither))
 
 
+def bare_dicom(folder, older=False):
+    """Write a series without the bytes before the first element; `older`: without what says how it is written."""
+    for one in dicom(folder).iterdir():
+        data = one.read_bytes()
+        # The data set begins with SOPClassUID, (0008,0016).
+        one.write_bytes(data[data.index(b"\x08\x00\x16\x00UI") if older else 132 :])
+    return folder
+
+
 def test_dicom_without_its_first_bytes(tmp_path):
     whole = ss.open(dicom(tmp_path / "a"))
-    for name, start in (("bare", 132), ("older", None)):
-        folder = tmp_path / name
-        folder.mkdir()
-        for one in (tmp_path / "a").iterdir():
-            data = one.read_bytes()
-            # The data set begins with SOPClassUID, (0008,0016).
-            (folder / one.name).write_bytes(data[data.index(b"\x08\x00\x16\x00UI") if start is None else start :])
-        assert ss.open(folder) == whole
+    assert ss.open(bare_dicom(tmp_path / "b")) == whole == ss.open(bare_dicom(tmp_path / "c", older=True))
 
 
-@pytest.mark.parametrize("block", [512, 1024, 2048])
-def test_hdf5_behind_a_user_block(tmp_path, block):
-    path = tmp_path / "a.mat"
+def behind_block(path, block):
+    """Write a volume as MATLAB does, behind so many bytes."""
     with needed("h5py").File(path, "w", userblock_size=block) as file:
         file["a"] = VALUES
     with path.open("r+b") as stream:
         stream.write(b"MATLAB 7.3 MAT-file")
+    return path
+
+
+@pytest.mark.parametrize("block", [512, 1024, 2048])
+def test_hdf5_behind_a_user_block(tmp_path, block):
+    path = behind_block(tmp_path / "a.mat", block)
     assert np.array_equal(ss.open(path).values, VALUES)
     assert ss.open_bricks(path, brick=4).shape == (4, 5, 6)
     (tmp_path / "a.mat.gz").write_bytes(gzip.compress(path.read_bytes()))
     assert np.array_equal(ss.open(tmp_path / "a.mat.gz").values, VALUES)
 
 
-@pytest.mark.parametrize("version", [2, 3])
-def test_images_in_a_root(tmp_path, version):
-    root = tmp_path / "a.zarr"
+def root_of_images(root, version=2):
+    """Write a group with an image, as bioformats2raw does."""
     group = needed("zarr").create_group(str(root), zarr_format=version)
     group.attrs["bioformats2raw.layout"] = 3
     picture(root / "0", version, ("only",))
+    return root
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_images_in_a_root(tmp_path, version):
+    root = root_of_images(tmp_path / "a.zarr", version)
     assert np.array_equal(ss.open(root).values, VALUES)
     picture(root / "1", version, ("only",))
     with pytest.raises(ss.InvalidInput, match=r"2 images: 0, 1; wanted one of them; choose one, .*a.zarr:/0"):
         ss.open(root)
     assert ss.open(f"{root}:/1").spacing == (0.5, 0.5, 2) == ss.open_bricks(f"{root}:/1", brick=4).spacing
+
+
+def test_steps_of_arrays_without_names(tmp_path):
+    several = np.stack([VALUES, VALUES + 1])
+    with needed("h5py").File(tmp_path / "a.h5", "w") as file:
+        file["a"] = several
+    assert np.array_equal(ss.open(tmp_path / "a.h5", step=1).values, VALUES + 1)
+    assert len(ss.animate(tmp_path / "a.h5", size=16, backend="reference")) == 2
+    np.save(tmp_path / "a.npy", several)
+    with pytest.raises(ss.InvalidInput, match=r"4 axes.*numpy.load\(path\)\[0\]"):
+        ss.open(tmp_path / "a.npy")
+    for name, own in (("channel", "name"), ("time", "step")):
+        with pytest.raises(TypeError, match=f"did you mean {own}"):
+            ss.open(tmp_path / "a.h5", **{name: 0})
 
 
 def test_stores_of_several_arrays_advise_the_largest(tmp_path):
@@ -245,11 +280,15 @@ def test_stores_of_several_arrays_advise_the_largest(tmp_path):
     assert np.array_equal(ss.open(tmp_path / "a.zarr").values, VALUES)
 
 
+def shards(path):
+    """Write an array whose chunks lie in one file."""
+    needed("zarr").create_array(path, data=VALUES, chunks=(2, 5, 3), shards=(4, 5, 6), compressors=None)
+    return path
+
+
 def test_shards_that_lie_are_refused(tmp_path):
-    zarr = needed("zarr")
-    path = tmp_path / "a.zarr"
-    array = zarr.create_array(path, data=VALUES, chunks=(2, 5, 3), shards=(4, 5, 6), compressors=None)
-    assert np.array_equal(ss.open(path).values, VALUES) and array.shards == (4, 5, 6)
+    path = shards(tmp_path / "a.zarr")
+    assert np.array_equal(ss.open(path).values, VALUES)
     shard = next(one for one in path.rglob("*") if one.is_file() and one.name != "zarr.json")
     whole = shard.read_bytes()
     for change in (whole[:-40], whole[:-68] + np.array([10**9, 60], "<u8").tobytes() + whole[-52:], whole[-20:]):

@@ -100,7 +100,7 @@ def item(**values):
     return made
 
 
-def dicom(folder, count=4, order=None, change=None, series="1.2.3", number=1, first=0):
+def dicom(folder, count=4, order=None, change=None, series="1.2.3", number=1, first=0, names=11):
     pydicom = needed("pydicom")
     from pydicom.dataset import FileDataset, FileMetaDataset
     from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian
@@ -128,7 +128,7 @@ def dicom(folder, count=4, order=None, change=None, series="1.2.3", number=1, fi
             change(data, z)
         data.InstanceNumber = first + z
         # Names do not tell the order.
-        pydicom.dcmwrite(folder / f"im{series}{((first + z) * 7) % 11}.dcm", data, enforce_file_format=True)
+        pydicom.dcmwrite(folder / f"im{series}{((first + z) * 7) % names}.dcm", data, enforce_file_format=True)
     return folder
 
 

@@ -103,8 +103,9 @@ def read(source: Source, name: str | None = None, step: int | None = None, resam
     stored.
     """
     with h5py.File(checked(source), "r") as file:
-        one = named(source.path, _chosen(source, file, name)).at_step(step)
-        return _told(source, file, name, one.read("hdf5", resample=resample))
+        chosen = _chosen(source, file, name)
+        one = named(source.path, chosen).at_step(step)
+        return _told(source.path, chosen, one.read("hdf5", resample=resample))
 
 
 def count_steps(source: Source, name: str | None = None) -> int:
@@ -135,16 +136,15 @@ def _chosen(source: Source, file: Any, name: str | None) -> Any:
     raise unreadable(path, f"{len(known)} datasets with three axes: {names}", "one of them", advice)
 
 
-def _told(source: Source, file: Any, name: str | None, volume: Volume) -> Volume:
+def _told(path: Path, chosen: Any, volume: Volume) -> Volume:
     """Return a volume with the place of its dataset, and with the spacing that an attribute of this states."""
-    chosen = _chosen(source, file, name)
     volume = replace(volume, details=volume.details | {"content": str(chosen.name)})
     size = attribute(chosen, "element_size_um")
     if size is None:
         return volume
-    steps = floats(source.path, "element_size_um", size, 3)[::-1]
+    steps = floats(path, "element_size_um", size, 3)[::-1]
     if min(steps) <= 0:
-        raise unreadable(source.path, f"element_size_um = {shown(size)}", "three numbers above 0")
+        raise unreadable(path, f"element_size_um = {shown(size)}", "three numbers above 0")
     return replace(volume, spacing=triple("element_size_um", steps), units=("µm",) * 3)
 
 
@@ -154,7 +154,7 @@ def locate(source: Source, name: str | None = None, step: int | None = None) -> 
         chosen = _chosen(source, file, name)
         one = named(source.path, chosen).at_step(step)
         fetch = partial(_part, Path(os.path.abspath(source.path)), str(chosen.name))
-        return _told(source, file, name, replace(one, samples=replace(one.samples, fetch=fetch)).volume("hdf5"))
+        return _told(source.path, chosen, replace(one, samples=replace(one.samples, fetch=fetch)).volume("hdf5"))
 
 
 def _part(path: Path, name: str, index: tuple[int | slice, ...]) -> NDArray[Any]:

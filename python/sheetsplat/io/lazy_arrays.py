@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from sheetsplat.io.cf import READ, NamedArray, dimension_names
@@ -35,7 +36,13 @@ def named(data: Any, where: Where) -> NamedArray:
     samples = LazySamples.of(partial(part_of, data), data.dtype, data.shape)
     # Names that dask makes up say nothing.
     name = "" if module == "dask" else str(getattr(data, "name", None) or "").rpartition("/")[2]
-    return NamedArray(where, name, dimension_names(names), samples, {key: told[key] for key in READ if key in told})
+    one = NamedArray(where, name, dimension_names(names), samples, {key: told[key] for key in READ if key in told})
+    root = getattr(getattr(data, "store", None), "root", None)
+    if root is not None:
+        from sheetsplat.io.zarr_folders import placed_beside
+
+        return placed_beside(Path(root) / data.path, one)
+    return one
 
 
 def read(data: Any, where: Where) -> Volume:

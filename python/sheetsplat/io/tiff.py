@@ -213,10 +213,10 @@ def _placement(path: Path, told: Any) -> dict[str, Any]:
             raise unreadable(path, f"PhysicalSize {steps}", "numbers above 0")
         units = [printable(ome.get(f"PhysicalSize{axis}Unit", "µm")) for axis in "XYZ"]
         return {"spacing": triple("spacing", steps), "units": (*units[:2], units[0] if stated[2] is None else units[2])}
-    x, y = told["resolution"]
-    if not (imagej and math.isfinite(x) and math.isfinite(y) and x > 0 and y > 0):
+    if not imagej:
         # Resolutions of 72 dots an inch are no distance of samples.
         return {}
+    x, y = (one if math.isfinite(one) and one > 0 else 1.0 for one in told["resolution"])
     unit = printable(imagej.get("unit")) or {2: "inch", 3: "cm"}.get(told["unit"], "")
     # What the places of coordinates are is said in samples.
     gap, *first = (_number(imagej.get(name)) for name in ("spacing", "xorigin", "yorigin", "zorigin"))

@@ -6,7 +6,7 @@ What is read of them is checked by `zarr_chunks`.
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -63,17 +63,21 @@ def _named(path: Path) -> NamedArray:
         # Where dimensions are named, what chunks are filled with is the fill value of the conventions.
         attributes.setdefault("_FillValue", older["fill_value"])
     dimensions = dimension_names(names)
-    group = path.parent if _is_group(path.parent) else None
-    coordinates: dict[Hashable, Coordinate] = {
-        name: found
-        for name, size in zip(dimensions, grid.shape, strict=True)
-        if group is not None and (found := _coordinate(group, name, size)) is not None
-    }
-    others = str(attributes.get("coordinates", "")).split()
-    curved = [name for name in others if group is not None and _dimensions_of(group, name) > 1]
     samples = LazySamples.of(partial(read_array, path), grid.dtype, grid.shape)
     title = "" if path.suffix == ".zarr" else path.name
-    return NamedArray(path, title, dimensions, samples, attributes, coordinates, tuple(curved))
+    return placed_beside(path, NamedArray(path, title, dimensions, samples, attributes))
+
+
+def placed_beside(path: Path, one: NamedArray) -> NamedArray:
+    """Return an array with the coordinates that lie beside it in its group, by the folder of the array."""
+    group = path.parent
+    if not _is_group(group):
+        return one
+    places = zip(one.dimensions, one.samples.shape, strict=True)
+    found = {name: _coordinate(group, str(name), size) for name, size in places}
+    others = str(one.attributes.get("coordinates", "")).split()
+    curved = tuple(name for name in others if _dimensions_of(group, name) > 1)
+    return replace(one, coordinates={name: there for name, there in found.items() if there is not None}, curved=curved)
 
 
 def _is_group(path: Path) -> bool:

@@ -61,6 +61,8 @@ def test_packed_numbers_are_unpacked_and_placed_alike(tmp_path, kind):
     # The first sample of the file is the north-west corner.
     assert np.isnan(field.values[0, -1, 0]) and np.isnan(field.values).sum() == 1
     np.testing.assert_allclose(np.nan_to_num(field.values, nan=EXPECTED[0, -1, 0]), EXPECTED, atol=1e-4)
+    if kind.startswith("zarr"):
+        assert ss.open(needed("zarr").open_array(str(path / "t"), mode="r")).spacing == (3, 2, 10)
     source = ss.open_bricks(data, brick=4).source
     np.testing.assert_array_equal(source.read(((1, 3), (0, 5), (2, 6))), field.values[1:3, :, 2:6])
 
@@ -118,6 +120,8 @@ def test_imagej_states_spacing_without_a_unit_and_with_two(tmp_path):
     plain = {"axes": "ZYX", "spacing": 1.5}
     field = ss.open(tiff(tmp_path / "a.tif", imagej=True, resolution=(4, 2), metadata=plain))
     assert field.spacing == pytest.approx((0.25, 0.5, 1.5)) and field.quantity.length_unit == ""
+    alone = tiff(tmp_path / "c.tif", imagej=True, metadata=plain)
+    assert ss.open(alone).spacing == pytest.approx((1, 1, 1.5))
     both = {**plain, "unit": "micron", "zunit": "nm", "spacing": 1500.0, "zorigin": 2.0}
     field = ss.open(tiff(tmp_path / "b.tif", imagej=True, resolution=(4, 2), metadata=both))
     assert field.spacing == pytest.approx((0.25, 0.5, 1.5)) and field.quantity.length_unit == "µm"

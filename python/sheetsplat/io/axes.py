@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory, notices
 from sheetsplat._checks import Triple, shown, triple
-from sheetsplat.errors import option_ref
+from sheetsplat.errors import InvalidInput, option_ref
 from sheetsplat.io.checks import Where, unreadable
 from sheetsplat.io.records import Floats, Packing, Volume
+from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Axis, Quantity
 
 # Largest distance of an even coordinate from its place, in steps: that of float32 degrees to a tenth.
@@ -45,6 +46,8 @@ _SPELLINGS = {
         }.items()
     },
 }
+# By the first letters of sides of a body.
+_OTHER_SIDE = {"r": "left", "l": "right", "a": "posterior", "p": "anterior", "s": "inferior", "i": "superior"}
 _UNIT_OF = {name: unit for unit, names in _SPELLINGS.items() for name in (unit, *names)}
 
 _log = logging.getLogger("sheetsplat")
@@ -110,6 +113,31 @@ def placed(where: Where, volume: Volume) -> Volume:
             first[axis] += step * (values.shape[2 - axis] - 1)
         spacing[axis] = abs(step)
     return replace(volume, values=values, axes=None, spacing=triple("spacing", spacing), origin=triple("origin", first))
+
+
+def in_body(volume: Volume, sides: Sequence[str]) -> Volume:
+    """Return a volume of a body in a space whose axes x, y and z run towards these sides of it.
+
+    x of a left-handed space is negated, as the body would be seen in a mirror; what is no such space states nothing.
+    """
+    try:
+        found = Orientation.anatomical(*sides)
+        left = [{"l": 1.0, "r": -1.0}.get(one[:1].lower(), 0.0) for one in sides]
+        if np.cross(found.up, found.front or ()) @ left > 0:
+            return replace(volume, orientation=found)
+        mirrored = Orientation.anatomical(_OTHER_SIDE[sides[0][:1].lower()], *sides[1:])
+    except InvalidInput:
+        return volume
+    mirror = np.array([-1.0, 1.0, 1.0])
+    steps = np.diag(volume.spacing) if volume.axes is None else np.asarray(volume.axes)
+    told = {"mirrored": f"x is negated: the axes of the file, {'-'.join(sides)}, are left-handed"}
+    return replace(
+        volume,
+        axes=steps * mirror,
+        origin=triple("origin", np.asarray(volume.origin) * mirror),
+        orientation=mirrored,
+        details=volume.details | told,
+    )
 
 
 def _directions(units: Floats, plain: Floats) -> str:

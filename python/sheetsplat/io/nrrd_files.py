@@ -18,11 +18,10 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import shown, triple
-from sheetsplat.errors import InvalidInput
+from sheetsplat.io.axes import in_body
 from sheetsplat.io.checks import beside, checked_shape, floats, sides, unreadable
 from sheetsplat.io.records import Floats, Volume
 from sheetsplat.io.source import MOST_SKIPPED, Source
-from sheetsplat.orientation import Orientation
 
 _HEADER_LIMIT = 1 << 20
 _LONGEST_UNIT = 32
@@ -127,16 +126,15 @@ def _place(path: Path, header: dict[str, Any], sizes: tuple[int, ...]) -> dict[s
     return {"spacing": triple("spacing", spacing), "origin": triple("origin", origin)}
 
 
-def _orientation(header: dict[str, Any]) -> Orientation | None:
-    """Return which way up the space of the header is, or None where it is not that of a body."""
+def _sides(header: dict[str, Any]) -> tuple[str, ...]:
+    """Return the sides of a body that the axes of the header's space run to, () where it is not that of a body.
+
+    Scanner axes, right-handed axes, and names that are not of this format are no sides.
+    """
     words = str(header.get("space", "")).lower().split("-")
     if header.get("space directions") is None or len(words) < 3 or words[3:] not in ([], ["time"]):
-        return None
-    try:
-        return Orientation.anatomical(*words[:3])
-    except InvalidInput:
-        # Scanner axes, right-handed axes, and names that are not of this format.
-        return None
+        return ()
+    return tuple(words[:3])
 
 
 def _read_samples(source: Source, header: dict[str, Any], sizes: tuple[int, ...], start: int, *, located: bool) -> Any:
@@ -220,14 +218,14 @@ def read(source: Source, *, located: bool = False) -> Volume:
             plain = dict(header, encoding="raw") if samples.packed and header["encoding"] in ("gzip", "gz") else header
             flat = _read_samples(samples, plain, sizes, 0, located=located)
     details: dict[str, str] = {name: str(header[name]) for name in _TOLD if name in header}
-    return Volume(
+    volume = Volume(
         flat.reshape(sizes[::-1]),
         format="nrrd",
         details=details,
-        orientation=_orientation(header),
         units=_length_units(header),
         **_place(source.path, header, sizes),
     )
+    return in_body(volume, _sides(header))
 
 
 def _length_units(header: dict[str, Any]) -> tuple[str, ...]:

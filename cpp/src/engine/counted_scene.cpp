@@ -26,9 +26,9 @@ constexpr double filter_gain = 4.0;
 /// lattices, whose distances count in a / sqrt 2.
 constexpr double farthest_cartesian = 0.8660254037844387, farthest_bcc = 0.7905694150420949;
 
-std::optional<Box> end_of(const Field& field) {
+std::optional<Parallelepiped> end_of(const Field& field) {
     const RegularField* lattice = as_regular(&field);
-    return lattice != nullptr ? lattice->domain_world() : std::nullopt;
+    return lattice != nullptr ? lattice->domain() : std::nullopt;
 }
 
 /// Whether kernels reach every point of a lattice's domain, once samples are mirrored.
@@ -99,11 +99,11 @@ std::string CountedFields::why_shown(const Scene& scene, const Camera& camera, S
         const std::shared_ptr<const Field>& field = scene.fields[group.first];
         const RegularField& lattice = *as_regular(field.get());
         const bool bcc = lattice.lattice() == Lattice::bcc;
-        const Vec3 spacing = bcc ? Vec3(0.5 * lattice.options().spacing.x) : lattice.options().spacing;
-        const double nearest = std::min({spacing.x, spacing.y, spacing.z});
+        // Layers across the ends: of BCC lattices two for each edge.
+        const double nearest = lattice.default_slice_spacing();
+        const double radius = lattice.options().radius * (bcc ? std::sqrt(2.0) : 1.0);
         // What mirrored kernels add to reaches a radius into the volume; kernels that reach there, one more.
-        const double layers =
-            2.0 * glm::length(lattice.semi_axes_world() / spacing) + reach_of(scene, lattice, camera, size) / nearest;
+        const double layers = 2.0 * std::sqrt(3.0) * radius + reach_of(scene, lattice, camera, size) / nearest;
         const auto most = static_cast<double>(std::max({lattice.shape()[0], lattice.shape()[1], lattice.shape()[2]}));
         // Rounded up, so that a camera that moves needs no new look at the samples.
         const double wanted = std::min(std::exp2(std::ceil(std::log2(std::max(layers, 1.0)))), most);
@@ -148,9 +148,9 @@ Scene CountedFields::counted(const Scene& scene, const Camera& camera, Size size
     Counted& counted = *drawn.counted;
     counted.clip = scene.clip;
     const std::vector<Group> groups = scene.groups();
-    std::vector<std::optional<Box>> ends;
+    std::vector<std::optional<Parallelepiped>> ends;
     for (const Group& group : groups) {
-        std::optional<Box> end = end_of(*scene.fields[group.first]);
+        std::optional<Parallelepiped> end = end_of(*scene.fields[group.first]);
         bool differ = false;
         for (std::size_t field = group.first; field < group.last; ++field) {
             differ = differ || end != end_of(*scene.fields[field]);
@@ -159,7 +159,7 @@ Scene CountedFields::counted(const Scene& scene, const Camera& camera, Size size
         for (std::size_t field = group.first; field < group.last; ++field) {
             std::shared_ptr<const Field>& own = drawn.fields[field];
             const RegularField* lattice = as_regular(own.get());
-            if (differ && lattice != nullptr && (lattice->domain_world() || lattice->base() != 0.0)) {
+            if (differ && lattice != nullptr && (lattice->domain() || lattice->base() != 0.0)) {
                 Entry& entry = entry_of(own);
                 entry.endless = entry.endless ? entry.endless : lattice->without_end();
                 own = entry.endless;
@@ -180,7 +180,7 @@ Scene CountedFields::counted(const Scene& scene, const Camera& camera, Size size
         }
     }
     bool any = false, differ = false;
-    for (const std::optional<Box>& end : ends) {
+    for (const std::optional<Parallelepiped>& end : ends) {
         any = any || end;
         differ = differ || end != ends.front();
     }

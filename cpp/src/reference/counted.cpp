@@ -12,9 +12,9 @@ namespace sheetsplat::reference {
 
 namespace {
 
-std::optional<Box> domain_of(const Field& field) {
+std::optional<Parallelepiped> domain_of(const Field& field) {
     const RegularField* lattice = as_regular(&field);
-    return lattice != nullptr ? lattice->domain_world() : std::nullopt;
+    return lattice != nullptr ? lattice->domain() : std::nullopt;
 }
 
 TransferFunction counted_from(double base, const TransferFunction& function) {
@@ -39,7 +39,7 @@ CountedScene::CountedScene(const Scene& scene) : scene_(scene) {
         for (std::size_t field = group.first; field < group.last; ++field) {
             std::shared_ptr<const Field>& drawn = scene_.fields[field];
             const RegularField* lattice = as_regular(drawn.get());
-            if (differ && lattice != nullptr && (lattice->domain_world() || lattice->base() != 0.0)) {
+            if (differ && lattice != nullptr && (lattice->domain() || lattice->base() != 0.0)) {
                 drawn = lattice->without_end();
             }
             base += drawn->base();

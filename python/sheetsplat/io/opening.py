@@ -32,7 +32,7 @@ SCATTERED_ONLY = ("grid", "particles", "support", "fit", "neighbors", "min_scale
 _POINTS = ("grid", "scalar", "particles", "support", "step")
 _ELLIPSOIDS = ("fit", "neighbors", "normalization", "w0", "falloff", "min_scale", "base")
 _SAMPLES = (
-    *("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan"),
+    *("origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan"),
     *("boundary", "base"),
 )
 _RAW = ("shape", "dtype", "offset", "name", "resample", "step")
@@ -259,14 +259,15 @@ def _of_scattered(data: Scattered, options: Mapping[str, Any]) -> EllipsoidField
 def _of_volume(volume: Volume, options: Mapping[str, Any]) -> RegularField:
     if "spacing" not in options:
         tell_units(volume.quantity, volume.values.shape, volume.spacing)
-    chosen: dict[str, Any] = {"spacing": volume.spacing, "origin": volume.origin}
+    chosen: dict[str, Any] = {"origin": volume.origin}
     if volume.packing.missing and np.isnan(volume.values).any():
         chosen["nan"] = "skip"
-    chosen |= {name: options[name] for name in _SAMPLES if name in options}
-    if volume.axes is not None:
+    if "axes" not in options:
         # A spacing that was asked for is that along the directions of the file.
-        lengths = np.asarray(chosen.pop("spacing")) / np.asarray(volume.spacing)
-        chosen["axes"] = volume.axes * lengths[:, None]
+        spacing = np.asarray(options.get("spacing", volume.spacing))
+        wider = (spacing / volume.spacing)[:, None]
+        chosen |= {"spacing": spacing} if volume.axes is None else {"axes": volume.axes * wider}
+    chosen |= {name: options[name] for name in (*_SAMPLES, "axes") if name in options}
     field = RegularField(volume.values, **chosen)
     field = field.with_quantity_of_samples(volume.quantity, volume.spacing, volume.origin, "cartesian")
     return field.with_orientation(volume.orientation)

@@ -93,9 +93,9 @@ def open(path: Data, **options: Unpack[OpenOptions]) -> RegularField | Ellipsoid
     Parameters
     ----------
     path
-        The file; its format is found by content, then by suffix. Or an xarray DataArray or Dataset, a dask, Zarr or
-        h5py array, a PyVista or VTK data set, or a pandas or polars DataFrame or a dict of columns x, y, z and
-        others (data.md).
+        The file; its format is found by content, then by suffix. Or an array [k, j, i], an xarray DataArray or
+        Dataset, a dask, Zarr or h5py array, a PyVista or VTK data set, or a pandas or polars DataFrame or a dict of
+        columns x, y, z and others (data.md).
     **options
         Those of OpenOptions.
 
@@ -195,6 +195,9 @@ def to_fields(data: object, **options: Unpack[OpenOptions]) -> list[Field]:
         data = maker()
     if isinstance(data, str | os.PathLike) or kind_of_object(data) is not None:
         return [_opened(data, given)]
+    # Readers are not needed before.
+    from sheetsplat.io.common_world import in_one_world
+
     if _is_made(data):
         if given:
             raise complain(
@@ -203,9 +206,11 @@ def to_fields(data: object, **options: Unpack[OpenOptions]) -> list[Field]:
                 "them only for arrays and files",
                 "give them to the field itself, or to sheetsplat.open",
             )
-        return [data] if isinstance(data, Field) else list(data)  # type: ignore[call-overload]
+        fields: Any = data
+        return [data] if isinstance(data, Field) else in_one_world(fields)
     if _are_several(data):
-        return [field for one in data for field in to_fields(one, **options)]  # type: ignore[attr-defined]
+        parts: Any = data
+        return in_one_world([field for one in parts for field in to_fields(one, **options)])
     return [_of_array("render", data, given)]
 
 

@@ -28,11 +28,11 @@ from sheetsplat.choose.kernels import with_own_kernel
 from sheetsplat.errors import complain, option_ref, option_refs, unusable
 from sheetsplat.fields import BrickedField, BrickedKernels
 from sheetsplat.fields.regular import narrowest
-from sheetsplat.io.axes import tell_units
+from sheetsplat.io.axes import placement, tell_units
 from sheetsplat.io.kernels import log_base
 from sheetsplat.options.bricks import OpenBricksOptions, cluster_of, edge_of, folder_of, kernels_of, levels_of
 from sheetsplat.options.core import check_names, definitions, documented, filled
-from sheetsplat.options.data import KernelOptions, PlacementOptions
+from sheetsplat.options.data import KernelOptions
 from sheetsplat.options.quality import QUALITIES
 
 # Of all that is done, what the first reading is: a second one sorts kernels, or makes levels.
@@ -169,13 +169,10 @@ def _field(source: BrickSource, cut: _Cut, client: Any, given: Mapping[str, Any]
     """Return the field with the kernels that were given, or plain ones."""
     if "spacing" not in given:
         tell_units(source.quantity, source.shape, source.spacing)
-    names = (*definitions(PlacementOptions), *definitions(KernelOptions))
-    placed: dict[str, Any] = {"origin": source.origin}
-    if "axes" not in given:
-        placed["spacing"] = source.spacing
+    placed = placement(source, given)
     if source.holey:
         placed["nan"] = "skip"
-    placed |= {name: given[name] for name in names if name in given}
+    placed |= {name: given[name] for name in ("lattice", *definitions(KernelOptions)) if name in given}
     lattice = placed.get("lattice", "cartesian")
     choice("open_bricks: lattice", lattice, ("cartesian", "bcc"))
     if cut.levels and lattice != "cartesian":

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _memory
-from sheetsplat._checks import Triple, shown
+from sheetsplat._checks import Triple, shown, triple
 from sheetsplat._objects import kind_of_object
 from sheetsplat.bricks import readers
 from sheetsplat.bricks.lattice import Box
@@ -67,6 +67,8 @@ class BrickSource:
         Reads them.
     spacing, origin
         World units along x, y, z.
+    axes
+        Steps of i, j and k in the world, in place of the spacing; None: along the world.
     quantity, orientation
         As those of a field.
     kept
@@ -90,6 +92,7 @@ class BrickSource:
     reader: Reader
     spacing: Triple = (1.0, 1.0, 1.0)
     origin: Triple = (0.0, 0.0, 0.0)
+    axes: tuple[Triple, ...] | None = None
     quantity: Quantity = Quantity()
     orientation: Orientation | None = None
     kept: np.dtype[Any] | None = None
@@ -108,7 +111,9 @@ class BrickSource:
         """Return whether the samples are the same, shown and placed in the same way."""
         if not isinstance(other, BrickSource):
             return NotImplemented
-        mine, others = ((*one.key, one.spacing, one.origin, one.quantity, one.orientation) for one in (self, other))
+        mine, others = (
+            (*one.key, one.spacing, one.origin, one.axes, one.quantity, one.orientation) for one in (self, other)
+        )
         return mine == others
 
     def __hash__(self) -> int:
@@ -250,9 +255,6 @@ def open_source(data: Any, options: Mapping[str, Any]) -> BrickSource:
 def _source(name: str, token: str, volume: Volume, reader: Callable[[Any], Reader]) -> BrickSource:
     """Return the source of a volume; `reader` makes what reads boxes of its values as they are placed."""
     volume = placed(name, volume)
-    if volume.axes is not None:
-        found = f"axes that are {volume.details['axes']}"
-        raise refused(name, found, "axes along those of the world", "open it with sheetsplat.open", kind=Unsupported)
     packing, read = volume.packing, reader(volume.values)
     kind = packing.kind(volume.values.dtype.newbyteorder("="))
     if packing != Packing():
@@ -272,6 +274,7 @@ def _source(name: str, token: str, volume: Volume, reader: Callable[[Any], Reade
         read,
         volume.spacing,
         volume.origin,
+        None if volume.axes is None else tuple(triple("axes", row) for row in volume.axes),
         volume.quantity,
         volume.orientation,
         kept_type(kind),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import permutations
 from typing import Any
@@ -113,6 +113,29 @@ def placed(where: Where, volume: Volume) -> Volume:
             first[axis] += step * (values.shape[2 - axis] - 1)
         spacing[axis] = abs(step)
     return replace(volume, values=values, axes=None, spacing=triple("spacing", spacing), origin=triple("origin", first))
+
+
+def placement(found: Any, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options of a field that say where its samples lie: those that were given, else what the data state.
+
+    A spacing that was given is that along the directions which the data state.
+
+    Parameters
+    ----------
+    found
+        What has `spacing`, `origin` and `axes`: a volume that is `placed`, or a source of bricks.
+    given
+        Options of `sheetsplat.open`.
+    """
+    spacing, origin = given.get("spacing"), given.get("origin", found.origin)
+    if given.get("axes") is not None:
+        return {"axes": given["axes"], "spacing": spacing, "origin": origin}
+    if found.axes is None:
+        return {"spacing": found.spacing if spacing is None else spacing, "origin": origin}
+    rows = np.asarray(found.axes)
+    if spacing is not None:
+        rows = rows * (np.asarray(triple("RegularField: spacing", spacing)) / found.spacing)[:, None]
+    return {"axes": rows, "origin": origin}
 
 
 def in_body(volume: Volume, sides: Sequence[str]) -> Volume:

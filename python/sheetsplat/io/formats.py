@@ -8,6 +8,7 @@ import logging
 import os
 import pkgutil
 import re
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -25,6 +26,8 @@ _FEW, _MANY = 3, 200
 _ZIP = (b"PK\x03\x04", b"PK\x05\x06")
 _XML = (b"<?xml", b"<VTKFile", b"<!--", b"<!DOCTYPE")
 _VTK_TYPE = re.compile(rb"<VTKFile[^>]*\stype\s*=\s*[\"']([A-Za-z]{1,40})[\"']")
+# Types of DICOM's elements whose lengths have four bytes, behind two that are not used.
+_LONG_VALUES = (b"OB", b"OW", b"SQ", b"UN", b"UT")
 #: Names of what is read in bricks alone.
 PARQUET = (".parquet", ".pq")
 _IN_BRICKS = "Parquet is read in bricks: by sheetsplat.open_bricks, on the command line with --brick or --workers"
@@ -157,13 +160,29 @@ def _is_nifti(source: Source) -> bool:
 def is_dicom(source: Source) -> bool:
     """Return whether a file is one of DICOM, also without the 132 bytes before its first element."""
     head = source.head(_HEAD)
-    if head[128:132] == b"DICM":
-        return True
-    # The first elements are of the groups 2 or 8, the second of the same or a higher one.
-    if head[:2] not in (b"\2\0", b"\b\0") or len(head) < _HEAD:
-        return False
-    length = int.from_bytes(head[6:8] if head[4:6].isalpha() and head[4:6].isupper() else head[4:8], "little")
-    return length % 2 == 0 and head[0] <= int.from_bytes(head[8 + length : 10 + length], "little") <= 0x10
+    return head[128:132] == b"DICM" or (head[:2] in (b"\2\0", b"\b\0") and _has_elements(head))
+
+
+def _has_elements(head: bytes) -> bool:
+    """Return whether bytes begin with three elements of DICOM (PS3.5, section 7.1): rising tags, even lengths."""
+    at, last = 0, (0, 0)
+    for _ in range(3):
+        if len(head) < at + 12:
+            return False
+        tag = struct.unpack_from("<HH", head, at)
+        kind = head[at + 4 : at + 6]
+        if kind.isalpha() and kind.isupper():
+            is_long = kind in _LONG_VALUES
+            length, begin = (
+                struct.unpack_from("<I" if is_long else "<H", head, at + (8 if is_long else 6))[0],
+                8 + 4 * is_long,
+            )
+        else:
+            length, begin = struct.unpack_from("<I", head, at + 4)[0], 8
+        if not (last < tag and 2 <= tag[0] <= 0x10) or length % 2:
+            return False
+        at, last = at + begin + length, tag
+    return True
 
 
 def _is_mrc(source: Source) -> bool:

@@ -16,7 +16,7 @@ from sheetsplat import _memory
 from sheetsplat._checks import is_off, shown
 from sheetsplat.errors import complain, option_refs
 from sheetsplat.fields import EllipsoidField, RegularField
-from sheetsplat.io.axes import settled, tell_units
+from sheetsplat.io.axes import placement, settled, tell_units
 from sheetsplat.io.checks import Where, printable, unreadable
 from sheetsplat.io.formats import FORMATS, SCATTERED, Format, find_format, format_of
 from sheetsplat.io.kernels import field_of, given, log_base, logarithm
@@ -26,15 +26,12 @@ from sheetsplat.io.source import opened
 # Options of regular volumes alone, and of scattered data alone.
 REGULAR = (
     *("shape", "dtype", "offset", "name", "resample", "spacing", "origin", "lattice", "radius", "prefilter", "nan"),
-    "boundary",
+    *("boundary", "axes"),
 )
 SCATTERED_ONLY = ("grid", "particles", "support", "fit", "neighbors", "min_scale")
 _POINTS = ("grid", "scalar", "particles", "support", "step")
 _ELLIPSOIDS = ("fit", "neighbors", "normalization", "w0", "falloff", "min_scale", "base")
-_SAMPLES = (
-    *("origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan"),
-    *("boundary", "base"),
-)
+_SAMPLES = ("lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan", "boundary", "base")
 _RAW = ("shape", "dtype", "offset", "name", "resample", "step")
 #: Options that say how data are read.
 READING = (*_RAW, *_POINTS)
@@ -259,16 +256,10 @@ def _of_scattered(data: Scattered, options: Mapping[str, Any]) -> EllipsoidField
 def _of_volume(volume: Volume, options: Mapping[str, Any]) -> RegularField:
     if "spacing" not in options:
         tell_units(volume.quantity, volume.values.shape, volume.spacing)
-    chosen: dict[str, Any] = {"origin": volume.origin}
+    chosen = placement(volume, options)
     if volume.packing.missing and np.isnan(volume.values).any():
         chosen["nan"] = "skip"
-    if "axes" not in options:
-        # A spacing that was asked for is that along the directions of the file.
-        spacing = np.asarray(options.get("spacing", volume.spacing))
-        wider = (spacing / volume.spacing)[:, None]
-        chosen |= {"spacing": spacing} if volume.axes is None else {"axes": volume.axes * wider}
-    chosen |= {name: options[name] for name in (*_SAMPLES, "axes") if name in options}
-    field = RegularField(volume.values, **chosen)
+    field = RegularField(volume.values, **chosen | {name: options[name] for name in _SAMPLES if name in options})
     field = field.with_quantity_of_samples(volume.quantity, volume.spacing, volume.origin, "cartesian")
     return field.with_orientation(volume.orientation)
 

@@ -38,8 +38,7 @@ class Packing:
 
     Examples
     --------
-    >>> from sheetsplat.io.records import Packing
-    >>> Packing(0.5, 10.0, missing=(-1,)).unpacked(np.array([-1, 2, 4], "i2"), "a file").tolist()
+    >>> ss.io.Packing(0.5, 10.0, missing=(-1,)).unpacked(np.array([-1, 2, 4], "i2"), "a file").tolist()
     [nan, 11.0, 12.0]
     """
 

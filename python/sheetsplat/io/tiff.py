@@ -158,6 +158,10 @@ def _axes(path: Path, told: Any, pages: int) -> dict[str, int]:
 def _chosen_pages(path: Path, told: Any, pages: int, name: str | None, step: int | None) -> list[int]:
     """Return the numbers of the pages of one channel and one time step."""
     sizes = _axes(path, told, pages)
+    if sizes.get("Z", 1) == 1 and pages > 1:
+        found = " and ".join(f"{count} of axis {axis}" for axis, count in sizes.items()) + ": one slice each"
+        advice = "to show them as slices, pass tifffile.imread(path)"
+        raise unreadable(path, found, "several slices, of a volume", advice)
     at = {
         "T": chosen_step(path, sizes.get("T", 1), step),
         "C": chosen_channel(path, sizes.get("C", 1), told["labels"], name),

@@ -168,7 +168,7 @@ class FileOptions(TypedDict, total=False):
             "The time step to take of a file with several, from 0 on: NetCDF, Zarr, HDF5, TIFF, NIfTI, DICOM, .vtkhdf, "
             ".pvd.",
             unset="the only one",
-            called=("time", "frame", "timestep", "time_step", "t"),
+            called=("time", "timestep", "time_step", "t"),
             value=Whole(0),
         ),
     ]

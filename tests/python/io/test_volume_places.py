@@ -9,6 +9,7 @@ from test_data_formats import VALUES, dicom, mrc, needed, nifti
 
 import sheetsplat as ss
 from sheetsplat import io
+from sheetsplat.api import to_fields
 
 # The same object for all: an ellipsoid of a Gaussian, in mm to the left, the back and the head of a patient.
 MIDDLE = np.array([11.0, -7.0, 23.0])
@@ -62,16 +63,20 @@ def write_mha(folder, rows, first):
     return folder / "a.mha"
 
 
-def write_nrrd(folder, rows, first):
+def write_header(rows, first, space="left-posterior-superior"):
+    """Return a header of NRRD."""
+
     def vector(numbers):
         return "(" + ",".join(f"{number:.12g}" for number in numbers) + ")"
 
-    header = (
+    return (
         "NRRD0004\ntype: short\ndimension: 3\nsizes: 20 22 24\nencoding: raw\nendian: little\n"
-        f"space: left-posterior-superior\nspace directions: {' '.join(map(vector, rows))}\n"
-        f"space origin: {vector(first)}\n\n"
+        f"space: {space}\nspace directions: {' '.join(map(vector, rows))}\nspace origin: {vector(first)}\n\n"
     )
-    (folder / "a.nrrd").write_bytes(header.encode() + samples(rows, first).astype("<i2").tobytes())
+
+
+def write_nrrd(folder, rows, first):
+    (folder / "a.nrrd").write_bytes(write_header(rows, first).encode() + samples(rows, first).astype("<i2").tobytes())
     return folder / "a.nrrd"
 
 
@@ -144,6 +149,75 @@ def test_turned_volumes_lie_where_their_headers_say(tmp_path, kind):
     )
     # A tenth of a voxel.
     assert np.abs(middle_of(volume) - MIDDLE @ to_world).max() < 0.13
+
+
+def middle_of_field(field, about):
+    """Return the middle of a field's mass by its values at points around a place of the world."""
+    along = np.arange(-16.0, 17.0, 2.0)
+    points = about + np.stack(np.meshgrid(along, along, along, indexing="ij"), axis=-1).reshape(-1, 3)
+    values = np.maximum(field.at(points), 0)
+    return values @ points / values.sum()
+
+
+@pytest.mark.parametrize("kind", TURNED)
+def test_fields_of_turned_volumes_lie_there_too(tmp_path, kind):
+    path = written(tmp_path, kind)
+    field, about = ss.open(path), MIDDLE @ (TO_RAS if kind.startswith("nifti") else np.eye(3))
+    assert np.abs(middle_of_field(field, about) - about).max() < 0.13
+    assert field.at([about])[0] == pytest.approx(1000, rel=0.05)
+    np.testing.assert_allclose(field.axes, io.read_volume(path).axes)
+    # A spacing that is given is that along the directions of the file.
+    wider = ss.open(path, spacing=(2, 2, 2))
+    assert wider.spacing == pytest.approx((2, 2, 2)) and np.cross(wider.axes[0], field.axes[0]) == pytest.approx(0)
+
+
+def test_turned_volumes_in_bricks_and_from_their_pictures(tmp_path):
+    path = written(tmp_path, "mha")
+    whole, options = ss.open(path), {"size": 24, "backend": "reference", "quality": "draft"}
+    bricked = ss.open_bricks(path, brick=12, quality="draft")
+    assert bricked.axes == whole.axes and bricked.source.at_level(0).axes == whole.axes
+    image = ss.render(path, **options)
+    np.testing.assert_allclose(ss.render(bricked, **options).rgba, image.rgba, atol=1e-5)
+    again = ss.Recipe.from_json(image.recipe.to_json()).fields[0].options
+    assert np.array_equal(again["axes"], whole.axes) and "spacing" not in again
+
+
+def test_modalities_of_one_body_coincide_in_a_picture(tmp_path):
+    """NIfTI, MetaImage, NRRD and DICOM, each in directions and in a world of its own, within a tenth of a voxel."""
+    names = ("mha", "nifti", "nrrd", "dicom of a tilted gantry", "nifti sheared")
+    paths = []
+    for name in names:
+        (tmp_path / name).mkdir()
+        paths.append(written(tmp_path / name, name))
+    for first, world in ((0, np.eye(3)), (1, TO_RAS)):
+        fields = to_fields([*paths[first:], *paths[:first]])
+        middles = [middle_of_field(field, MIDDLE @ world) for field in fields]
+        assert np.abs(np.array(middles) - MIDDLE @ world).max() < 0.13
+        assert len({field.orientation for field in fields}) == 1
+    # Fields that are made already are turned in the same way.
+    assert to_fields([ss.open(path) for path in paths[:2]])[1].axes == to_fields(paths[:2])[1].axes
+    options = {"mode": "mip", "size": 64, "backend": "reference", "direction": "-z", "up": "y", "clim": (0, 1000)}
+    camera = ss.render(paths[0], **options).camera
+    peaks = []
+    for data in (paths[0], paths[:2]):
+        seen = np.nan_to_num(ss.render(data, camera=camera, **{**options, "direction": None, "up": None}).scalar)
+        rows, columns = np.mgrid[: seen.shape[0], : seen.shape[1]]
+        weight = np.maximum(seen - 0.5 * seen.max(), 0)
+        peaks.append(np.array([(rows * weight).sum(), (columns * weight).sum()]) / weight.sum())
+    # A pixel is more than half a millimetre.
+    assert np.abs(peaks[0] - peaks[1]).max() < 0.2
+
+
+def test_bodies_in_left_handed_spaces_are_not_mirrored(tmp_path):
+    rows, first = lattice(turn(120, 40, -70).T, (1.6, 1.5, 1.4))
+    mirror = np.diag([1.0, -1.0, 1.0])
+    path = write_nrrd(tmp_path, rows, first)
+    _, data = path.read_bytes().split(b"\n\n", 1)
+    other = write_header(rows @ mirror, first @ mirror, "left-anterior-superior")
+    path.write_bytes(other.encode() + data)
+    volume = io.read_volume(path)
+    assert volume.orientation == ss.Orientation.anatomical("right", "anterior", "superior")
+    assert np.abs(middle_of(volume) - MIDDLE @ TO_RAS).max() < 0.13 and "left-handed" in volume.details["mirrored"]
 
 
 def test_axes_along_the_world_are_turned_without_a_copy():

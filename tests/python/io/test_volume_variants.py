@@ -68,7 +68,7 @@ def test_packed_numbers_are_unpacked_and_placed_alike(tmp_path, kind):
 
 
 def test_packed_numbers_have_the_narrowest_type_that_holds_them():
-    packing = io.records.Packing
+    packing = io.Packing
     for stored, packed, wanted in (
         ("i2", packing(1.0, -1024.0), "i4"),
         ("i2", packing(0.01, 250.0), "f4"),
@@ -165,6 +165,9 @@ def test_steps_and_channels_of_tiff(tmp_path):
             ss.open(path, step=0)
         assert len(ss.animate(path, size=16, backend="reference", name="0")) == 3
     assert np.array_equal(ss.open(path, name="GFP", step=0).values, VALUES + 1)
+    flat = tiff(tmp_path / "b.ome.tif", VALUES, metadata={"axes": "TYX"})
+    with pytest.raises(ss.InvalidInput, match="4 of axis T.*one slice each.*tifffile.imread"):
+        ss.open(flat)
 
 
 def test_steps_of_dicom_and_nifti(tmp_path):
@@ -217,6 +220,11 @@ def bare_dicom(folder, older=False):
 def test_dicom_without_its_first_bytes(tmp_path):
     whole = ss.open(dicom(tmp_path / "a"))
     assert ss.open(bare_dicom(tmp_path / "b")) == whole == ss.open(bare_dicom(tmp_path / "c", older=True))
+    # Numbers are no elements.
+    for values in ([8, 22, 0, 0, 8, 24, 0, 0, 8, 3], [2, 0, 4, 0, 0, 0, 2, 1, 3, 0], [8] * 99, range(8, 99)):
+        (tmp_path / "x.data").write_bytes(np.array(values, "<i2").tobytes())
+        with pytest.raises(ss.InvalidInput, match="a format that is not known"):
+            ss.open(tmp_path / "x.data")
 
 
 def behind_block(path, block):

@@ -16,7 +16,7 @@ from sheetsplat import _memory
 from sheetsplat._checks import is_off, shown
 from sheetsplat.errors import complain, option_refs
 from sheetsplat.fields import EllipsoidField, RegularField
-from sheetsplat.io.axes import tell_units
+from sheetsplat.io.axes import placement, settled, tell_units
 from sheetsplat.io.checks import Where, printable, unreadable
 from sheetsplat.io.formats import FORMATS, SCATTERED, Format, find_format, format_of
 from sheetsplat.io.kernels import field_of, given, log_base, logarithm
@@ -26,15 +26,12 @@ from sheetsplat.io.source import opened
 # Options of regular volumes alone, and of scattered data alone.
 REGULAR = (
     *("shape", "dtype", "offset", "name", "resample", "spacing", "origin", "lattice", "radius", "prefilter", "nan"),
-    "boundary",
+    *("boundary", "axes"),
 )
 SCATTERED_ONLY = ("grid", "particles", "support", "fit", "neighbors", "min_scale")
 _POINTS = ("grid", "scalar", "particles", "support", "step")
 _ELLIPSOIDS = ("fit", "neighbors", "normalization", "w0", "falloff", "min_scale", "base")
-_SAMPLES = (
-    *("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan"),
-    *("boundary", "base"),
-)
+_SAMPLES = ("lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan", "boundary", "base")
 _RAW = ("shape", "dtype", "offset", "name", "resample", "step")
 #: Options that say how data are read.
 READING = (*_RAW, *_POINTS)
@@ -101,7 +98,7 @@ def read_volume(
             raise complain(what, wrong, "a regular volume", advice)
         _refuse_others(path, found, options)
         volume: Volume = found.read(source, **options)
-        return volume
+    return settled(str(path), volume)
 
 
 def read_scattered(
@@ -258,12 +255,11 @@ def _of_scattered(data: Scattered, options: Mapping[str, Any]) -> EllipsoidField
 
 def _of_volume(volume: Volume, options: Mapping[str, Any]) -> RegularField:
     if "spacing" not in options:
-        tell_units(volume.quantity.axes, volume.values.shape, volume.spacing)
-    placed: dict[str, Any] = {"origin": volume.origin}
-    if "axes" not in options:
-        placed["spacing"] = volume.spacing
-    chosen = {**placed, **{name: options[name] for name in _SAMPLES if name in options}}
-    field = RegularField(volume.values, **chosen)
+        tell_units(volume.quantity, volume.values.shape, volume.spacing)
+    chosen = placement(volume, options)
+    if volume.packing.missing and np.isnan(volume.values).any():
+        chosen["nan"] = "skip"
+    field = RegularField(volume.values, **chosen | {name: options[name] for name in _SAMPLES if name in options})
     field = field.with_quantity_of_samples(volume.quantity, volume.spacing, volume.origin, "cartesian")
     return field.with_orientation(volume.orientation)
 
@@ -274,7 +270,7 @@ def field_of_record(
     """Return the field of data that were read; `options` are those of `sheetsplat.open` that the caller gave."""
     if isinstance(record, Scattered):
         return _of_scattered(record, options)
-    return _of_volume(_in_decades(record, options.get("log", False), where), options)
+    return _of_volume(_in_decades(settled(where, record), options.get("log", False), where), options)
 
 
 def open_field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> RegularField | EllipsoidField:

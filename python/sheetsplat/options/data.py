@@ -157,13 +157,18 @@ class FileOptions(TypedDict, total=False):
     offset: Annotated[int, Option("Raw samples: number of bytes before the first one.", default=0, value=Whole(0))]
     name: Annotated[
         str | None,
-        Option("The array to take of a file with several volumes; of DICOM the series, of OME-Zarr the channel."),
+        Option(
+            "The array to take of a file with several volumes; of DICOM the series, of OME-Zarr and TIFF the channel.",
+            called=("channel", "series", "variable", "array", "dataset"),
+        ),
     ]
     step: Annotated[
         int | None,
         Option(
-            "The time step to take of a file with several, from 0 on: NetCDF, OME-Zarr, .vtkhdf, .pvd.",
+            "The time step to take of a file with several, from 0 on: NetCDF, Zarr, HDF5, TIFF, NIfTI, DICOM, .vtkhdf, "
+            ".pvd.",
             unset="the only one",
+            called=("time", "timestep", "time_step", "t"),
             value=Whole(0),
         ),
     ]

@@ -151,7 +151,7 @@ class EllipsoidField(Field):
         self._cell_volume = optional_number("EllipsoidField: cell_volume", cell_volume)
         self._base = number("EllipsoidField: base", base)
         self._quantity, self._opened, self._orientation, self._trim = Quantity(), NOT_OPENED, None, Trim()
-        self._ghosts, self._ghost_options = 0, None
+        self._ghosts, self._ghost_options, self._weighting = 0, None, None
         if values is None:
             raise _no_rows("values")
         places = _rows("centers", centers, "(N, 3) world positions", (3,))
@@ -198,6 +198,12 @@ class EllipsoidField(Field):
             unit_rotations=unit_rotations,
             **of_part,
         )
+
+    def _lies_as(self, other: Field) -> bool:
+        """Return whether another field has kernels with the same centres and semi-axes."""
+        if not isinstance(other, EllipsoidField):
+            return False
+        return np.array_equal(self.centers, other.centers) and np.array_equal(self.scales, other.scales)
 
     def _parts(self) -> dict[str, Any]:
         arrays = {name: getattr(self.native, name) for name in _ARRAYS}
@@ -436,6 +442,8 @@ class EllipsoidField(Field):
         field._min_scale = self._min_scale
         field._quantity, field._opened, field._orientation = self._quantity, self._opened, self._orientation
         field._trim = self._trim
+        if self._weighting is not None:
+            field._weighting = np.concatenate((self._weighting, np.zeros(count)))
         field._ghosts, field._ghost_options = count, (away, mass)
         return field
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import pkgutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -279,7 +280,19 @@ def open_field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> Regu
         raise complain("the file cannot be read", f"{type(path).__name__}, {shown(path)}", "a path")
     # Paths are nothing that a field says about itself.
     opened = {name: value for name, value in options.items() if name != "grid"}
-    return _field(path, options).opened_with(opened)
+    return weighted(partial(_field, path), options).opened_with(opened)
+
+
+def weighted(
+    read: Callable[[Mapping[str, Any]], RegularField | EllipsoidField], options: Mapping[str, Any]
+) -> RegularField | EllipsoidField:
+    """Return the field that `read` makes by options, with weights where they name an array of the same data."""
+    rest = {name: one for name, one in options.items() if name != "weight"}
+    field = read(rest)
+    if "weight" not in options:
+        return field
+    of_weight = {name: one for name, one in rest.items() if name not in ("name", "scalar", "log", "base")}
+    return field.weighted_by(read({**of_weight, "scalar": options["weight"]}))
 
 
 def _field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> RegularField | EllipsoidField:

@@ -86,8 +86,17 @@ class _Group:
 
     def unit(self, name: str, told: dict[str, float]) -> str:
         """Return the unit of a dataset as figures show it, "" where it is not known."""
-        found = particle_units.unit_of(self._datasets[name], name, told)
+        found = self.dimension(name, told)
         return "" if found is None else found.text()
+
+    def dimension(self, name: str, told: dict[str, float]) -> particle_units.Unit | None:
+        """Return the unit of a dataset, None where it is not known."""
+        return particle_units.unit_of(self._datasets[name], name, told)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the datasets of numbers."""
+        return tuple(self._datasets)
 
     def widths(self) -> dict[str, int]:
         """Return the number of columns of every dataset with a row for each particle, except the positions."""
@@ -188,7 +197,7 @@ def read(
         For damaged files, missing groups or datasets, and datasets of other lengths or larger than what is stored.
     """
     with h5py.File(checked(source), "r") as file:
-        group = _group_of(source.path, file, particles, rows)
+        group = group_of(source.path, file, particles, rows)
         return _read_group(source.path, file, group, scalar, support)
 
 
@@ -200,7 +209,7 @@ def locate(source: Source, particles: str | None = None, support: float | None =
     """
     path = source.path
     with h5py.File(checked(source), "r") as file:
-        group = _group_of(path, file, particles)
+        group = group_of(path, file, particles)
         lengths = group.first(_SMOOTHING)
         mass = _mass_table(path, file, group.name)
         if support is not None or lengths is None or group.first(_DENSITY) is None:
@@ -223,7 +232,8 @@ def locate(source: Source, particles: str | None = None, support: float | None =
         return group.count, find_support(points, sizes, masses, densities)[0]
 
 
-def _group_of(path: Path, file: Any, particles: str | None, rows: tuple[int, int] | None = None) -> _Group:
+def group_of(path: Path, file: Any, particles: str | None, rows: tuple[int, int] | None = None) -> _Group:
+    """Return a group of particles, PartType0 unless named. InvalidInput where there is none."""
     name = _DEFAULT if particles is None else particles
     group = inside(path, file, name)
     number = _TYPES.get(name.lower().replace(" ", "_").replace("-", "_"))
@@ -241,6 +251,11 @@ def _group_of(path: Path, file: Any, particles: str | None, rows: tuple[int, int
 def _home(path: Path, file: Any, name: str) -> Any:
     """Return a group that says something about all particles, None for any other name."""
     return inside(path, file, name) if name in particle_units.HOMES else None
+
+
+def homes_of(path: Path, file: Any) -> dict[str, Any]:
+    """Return the groups of a file that say something about all particles."""
+    return particle_units.homes_of({one: _home(path, file, one) for one in file})
 
 
 def _about(told: dict[str, float]) -> dict[str, str]:
@@ -263,7 +278,7 @@ def _read_group(path: Path, file: Any, group: _Group, scalar: str | None, suppor
     if masses is None and (share := _mass_table(path, file, name)) > 0:
         masses = np.full(group.size, share)
     lengths = group.column(_SMOOTHING)
-    told = particle_units.header(particle_units.homes_of({one: _home(path, file, one) for one in file}))
+    told = particle_units.header(homes_of(path, file))
     details = {"particles": name, **_about(told)}
     if "part" in details and group.is_whole:
         _log.warning("this is %s: the others are not read", details["part"])

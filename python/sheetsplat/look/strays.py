@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import Any, cast
 
 import numpy as np
@@ -86,8 +85,8 @@ def trimmed(field: Field, trim: Trim) -> Field:
     options: Any = {name: getattr(made, name) for name in names}
     rotations, weights = (None if rows is None else rows[kept] for rows in (made.rotations, made.weights))
     fewer = EllipsoidField(made.centers[kept], made.scales[kept], rotations, values[kept], weights=weights, **options)
-    fewer = fewer.with_quantity(**asdict(made.quantity))
-    return fewer.with_orientation(made.orientation).opened_with(made.opened).with_trim(trim)
+    fewer = fewer.weighted_by(None if made.weighting is None else made.weighting[kept])
+    return fewer.of_quantity(made.quantity).with_orientation(made.orientation).opened_with(made.opened).with_trim(trim)
 
 
 def _within(field: Field, clim: Any) -> Field:

@@ -22,6 +22,7 @@ COLORED = tuple(mode for mode in MODES if not TRAITS[mode].is_scalar)
 COMPOSITE = tuple(mode for mode in MODES if TRAITS[mode].is_composited)
 SURFACES = tuple(mode for mode in MODES if TRAITS[mode].shows_surfaces)
 SCALAR = tuple(mode for mode in MODES if TRAITS[mode].is_scalar)
+MEANS = tuple(mode for mode in MODES if TRAITS[mode].mean)
 
 # Converts the value of an option, or raises InvalidInput; the first argument names the option in the message.
 Check = Callable[[str, Any], Any]

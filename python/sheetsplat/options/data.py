@@ -4,11 +4,11 @@ import os
 from collections.abc import Sequence
 from typing import Annotated, Literal, TypedDict, get_args
 
-from numpy.typing import DTypeLike
+from numpy.typing import ArrayLike, DTypeLike
 
 from sheetsplat._checks import Vector
-from sheetsplat.fields import Boundary, EllipsoidField, Lattice, NanPolicy, Normalization, RegularField
-from sheetsplat.options.core import CommandLine, Option, defaults_of, value_text
+from sheetsplat.fields import Boundary, EllipsoidField, Field, Lattice, NanPolicy, Normalization, RegularField
+from sheetsplat.options.core import MEANS, CommandLine, Option, defaults_of, value_text
 from sheetsplat.options.quality import QualityOptions
 from sheetsplat.options.values import NUMBER, POSITIVE, Numbers, Special, Whole
 
@@ -179,6 +179,25 @@ class FileOptions(TypedDict, total=False):
             "NAME its length. PLOT3D: density, momentum, energy, velocity, pressure, temperature, mach …"
         ),
     ]
+    weight: Annotated[
+        str | os.PathLike[str] | ArrayLike | Field | None,
+        Option(
+            "Mode average: the mean along each ray is weighted, as temperature by density. The name of another array "
+            "in the file, a path of another file, a field on the same lattice or of the same kernels, or their "
+            "numbers; none below 0.",
+            unset="all slices weigh the same",
+            modes=MEANS,
+            accepts="str, path, array or Field",
+            cli=(
+                CommandLine(
+                    value=Special.TEXT,
+                    metavar="NAME",
+                    help="Mode average: weights of the mean along each ray; the name of another array in the file, or "
+                    "another file.",
+                ),
+            ),
+        ),
+    ]
     resample: Annotated[
         bool,
         Option(
@@ -191,7 +210,8 @@ class FileOptions(TypedDict, total=False):
         bool | float | None,
         Option(
             "Show log10(value / smallest value), in decades; or, where it is a number, log10(value / number), with "
-            "smaller values raised to that number.",
+            "smaller values raised to that number. Modes xray and average are of the values themselves: there it "
+            "stands for {log_scale}.",
             unset="False; in a picture by the histogram",
             accepts="bool or float",
             cli=(

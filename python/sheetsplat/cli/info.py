@@ -12,10 +12,10 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.cli.options import apply, as_json, common, options_of
+from sheetsplat.cli.options import apply, as_json, common, options_of, single
 from sheetsplat.cli.output import report, report_json
 from sheetsplat.cli.scene import file_options
-from sheetsplat.options.data import FileOptions, PlacementOptions
+from sheetsplat.options.data import FileOptions, KernelOptions, PlacementOptions
 
 if TYPE_CHECKING:
     from sheetsplat.fields import EllipsoidField
@@ -282,7 +282,7 @@ def _table(report: dict[str, Any]) -> list[str]:
 
 @click.command("info")
 @click.argument("file", type=click.Path(path_type=Path))
-@apply(options_of(FileOptions, PlacementOptions))
+@apply([*options_of(FileOptions, PlacementOptions), *single(KernelOptions, "nan")])
 @click.option("--bins", type=click.IntRange(1, 4096), default=16, show_default=True, help="Of the histogram.")
 @as_json
 @common

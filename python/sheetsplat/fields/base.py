@@ -20,6 +20,7 @@ from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Quantity
 
 Normalization = Literal["none", "lattice", "threshold"]
+NanPolicy = Literal["error", "skip"]
 NOT_OPENED: Mapping[str, Any] = MappingProxyType({})
 
 

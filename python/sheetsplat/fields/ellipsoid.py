@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from sheetsplat import _memory, _sheetsplat
 from sheetsplat._checks import choice, number, numbers, optional_number
 from sheetsplat._properties import Forwarded
+from sheetsplat._rows import usable_rows
 from sheetsplat.errors import Words, complain, option_ref, unusable
 from sheetsplat.fields.axes import axes_of_covariances, axes_of_frames
-from sheetsplat.fields.base import NOT_OPENED, Field, Normalization
+from sheetsplat.fields.base import NOT_OPENED, Field, NanPolicy, Normalization
 from sheetsplat.fields.trim import Trim
 from sheetsplat.quantity import Quantity
 
@@ -26,8 +27,22 @@ _ARRAYS = ("centers", "scales", "rotations", "values", "weights")
 _PARTS = ("_normalization", "_w0", "_falloff", "_min_scale", "_cell_volume", "_base", "_ghosts", "_ghost_options")
 
 
-def _rows(what: str, array: object, wanted: str, *shapes: tuple[int, ...]) -> NDArray[Any]:
-    """Return an array of N rows, each of one of these shapes; InvalidInput otherwise. N = 0 has any shape."""
+# What the rows of each array are, and their shapes.
+_NUMBERS: tuple[Any, ...] = ("(N,) numbers", ())
+_ROWS: dict[str, tuple[Any, ...]] = {
+    "centers": ("(N, 3) world positions", (3,)),
+    "scales": ("(N, 3) or (N,) semi-axes", (3,), ()),
+    "rotations": ("(N, 4) quaternions w, x, y, z or (N, 3, 3) matrices", (4,), (3, 3)),
+    "covariances": ("(N, 3, 3) covariances", (3, 3)),
+    "frames": ("(N, 3, 3) frames", (3, 3)),
+    "values": _NUMBERS,
+    "weights": _NUMBERS,
+}
+
+
+def _rows(what: str, array: object) -> NDArray[Any]:
+    """Return an array of N rows, each of one of its shapes; InvalidInput otherwise. N = 0 has any shape."""
+    wanted, *shapes = _ROWS[what]
     found = numbers(f"EllipsoidField: {what}", array, wanted)
     if found.ndim == 1 and found.size == 0 and () not in shapes:
         return found.reshape(0, *shapes[0])
@@ -39,21 +54,33 @@ def _rows(what: str, array: object, wanted: str, *shapes: tuple[int, ...]) -> ND
     return found
 
 
-def _no_rows(what: str) -> Exception:
-    return complain(
-        unusable(f"EllipsoidField: {what}"), "None", "one number for each kernel", "pass " + option_ref(what, "...")
-    )
-
-
-def _same_length(count: int, **arrays: NDArray[Any] | None) -> None:
-    for name, array in arrays.items():
-        if array is not None and len(array) != count:
+def _kernels(nan: str, centers: object, **others: object) -> list[Any]:
+    """Return checked arrays with as many rows each, None for those that are None; `nan` as for `EllipsoidField`."""
+    if others["values"] is None:
+        raise complain(
+            unusable("EllipsoidField: values"), "None", "one number for each kernel",
+            "pass " + option_ref("values", "..."),
+        )  # fmt: skip
+    arrays: dict[str, NDArray[Any] | None] = {"centers": (places := _rows("centers", centers))}
+    for name, one in others.items():
+        if name == "scales" and isinstance(one, int | float) and not isinstance(one, bool):
+            # One radius for all.
+            one = np.full(len(places), number("EllipsoidField: scales", one))
+        found = None if one is None and name in ("rotations", "weights") else _rows(name, one)
+        if found is not None and len(found) != len(places):
             raise complain(
                 "EllipsoidField: the arrays do not fit together",
-                f"{count} centers and {len(array)} {name}",
+                f"{len(places)} centers and {len(found)} {name}",
                 "as many of each",
                 "give one entry for each kernel",
             )
+        arrays[name] = found
+    # The arrays that the field keeps, and the smallest semi-axes for their median.
+    size = 8 * (sum(one.size for one in arrays.values() if one is not None) + len(places))
+    _memory.require(size, f"the {', '.join(arrays)} of a field of {len(places)} ellipsoids", _FEWER)
+    told = {name.removesuffix("s"): one for name, one in arrays.items()}
+    kept = usable_rows("EllipsoidField", told, nan, row="kernel")
+    return [one if one is None or kept is None else one[kept] for one in arrays.values()]
 
 
 class KernelOptions(TypedDict, total=False):
@@ -66,6 +93,7 @@ class KernelOptions(TypedDict, total=False):
     min_scale: float | None
     cell_volume: float | None
     base: float
+    nan: NanPolicy
 
 
 class EllipsoidField(Field):
@@ -109,6 +137,9 @@ class EllipsoidField(Field):
         For "lattice": the volume that belongs to one kernel.
     base
         The value that all values are offset by: the scalar where no kernel reaches.
+    nan
+        What a kernel is that has a number which is not finite in any of the arrays: "error", or "skip", which leaves it
+        out. One `PictureWarning` says how many are left out, and for which arrays.
 
     Raises
     ------
@@ -143,6 +174,7 @@ class EllipsoidField(Field):
         min_scale: float | None = None,
         cell_volume: float | None = None,
         base: float = 0.0,
+        nan: NanPolicy = "error",
     ) -> None:
         self._normalization = choice("EllipsoidField: normalization", normalization, ("none", "lattice", "threshold"))
         self._w0 = number("EllipsoidField: w0", w0)
@@ -152,24 +184,8 @@ class EllipsoidField(Field):
         self._base = number("EllipsoidField: base", base)
         self._quantity, self._opened, self._orientation, self._trim = Quantity(), NOT_OPENED, None, Trim()
         self._ghosts, self._ghost_options = 0, None
-        if values is None:
-            raise _no_rows("values")
-        places = _rows("centers", centers, "(N, 3) world positions", (3,))
-        count = len(places)
-        if isinstance(scales, int | float) and not isinstance(scales, bool):
-            # One radius for all.
-            scales = np.full(len(places), number("EllipsoidField: scales", scales))
-        sizes = _rows("scales", scales, "(N, 3) or (N,) semi-axes", (3,), ())
-        turns = None
-        if rotations is not None:
-            wanted = "(N, 4) quaternions w, x, y, z or (N, 3, 3) matrices"
-            turns = _rows("rotations", rotations, wanted, (4,), (3, 3))
-        heights = _rows("values", values, "(N,) numbers", ())
-        masses = None if weights is None else _rows("weights", weights, "(N,) numbers", ())
-        _same_length(count, scales=sizes, rotations=turns, values=heights, weights=masses)
-        # The arrays that the field keeps, and the smallest semi-axes for their median.
-        doubles = 5 + (3 if sizes.ndim == 2 else 1) + (4 if turns is not None else 0) + (1 if masses is not None else 0)
-        _memory.require(8 * doubles * count, f"a field of {count} ellipsoids", _FEWER)
+        rest = {"scales": scales, "rotations": rotations, "values": values, "weights": weights}
+        places, sizes, turns, heights, masses = _kernels(nan, centers, **rest)
         self.native = self._made(places, sizes, turns, heights, masses)
 
     def _made(
@@ -274,7 +290,7 @@ class EllipsoidField(Field):
         covariances
             (N, 3, 3), symmetric to within 1e-5 of their largest entry, and positive definite. Flat
             ones, with a variance of 0 within rounding, need `min_scale`.
-        weights, normalization, w0, falloff, cell_volume
+        weights, normalization, w0, falloff, cell_volume, base, nan
             As for `EllipsoidField`.
         min_scale
             As for `EllipsoidField`: of semi-axes, not of standard deviations.
@@ -287,7 +303,8 @@ class EllipsoidField(Field):
             Where the copies do not fit.
         """
         k = number("EllipsoidField: falloff", options.get("falloff", _FALLOFF))
-        given = _rows("covariances", covariances, "(N, 3, 3) covariances", (3, 3))
+        rest = {"covariances": covariances, "values": values, "weights": options.get("weights")}
+        centers, given, values, options["weights"] = _kernels(options.pop("nan", "error"), centers, **rest)
         deviations, rotations = axes_of_covariances(given, flat=options.get("min_scale") is not None)
         scales = deviations * math.sqrt(2.0 * max(k, 0.0))
         return cls(centers, scales, rotations, values, **options)
@@ -310,7 +327,7 @@ class EllipsoidField(Field):
             (N, 3, 3); the columns of each matrix are the three semi-axes of the support, world units, at right angles
             to each other (cosines of at most 1e-3; the nearest right angles are taken). The sign of a column does not
             matter. A column of length 0 needs `min_scale`.
-        weights, normalization, w0, falloff, min_scale, cell_volume
+        weights, normalization, w0, falloff, min_scale, cell_volume, base, nan
             As for `EllipsoidField`.
 
         Raises
@@ -320,7 +337,8 @@ class EllipsoidField(Field):
         OutOfMemory
             Where the copies do not fit.
         """
-        given = _rows("frames", frames, "(N, 3, 3) frames", (3, 3))
+        rest = {"frames": frames, "values": values, "weights": options.get("weights")}
+        centers, given, values, options["weights"] = _kernels(options.pop("nan", "error"), centers, **rest)
         scales, rotations = axes_of_frames(given, flat=options.get("min_scale") is not None)
         return cls(centers, scales, rotations, values, **options)
 

@@ -13,13 +13,12 @@ from sheetsplat import _memory, _sheetsplat
 from sheetsplat._checks import Bounds, Triple, Vector, as_array, choice, number, optional_number, triple, truth
 from sheetsplat._properties import Forwarded
 from sheetsplat.errors import complain
-from sheetsplat.fields.base import NOT_OPENED, Field, Normalization
+from sheetsplat.fields.base import NOT_OPENED, Field, NanPolicy, Normalization
 from sheetsplat.fields.samples import ArraySamples, Samples
 from sheetsplat.fields.trim import Trim
 from sheetsplat.quantity import Quantity
 
 Lattice = Literal["cartesian", "bcc"]
-NanPolicy = Literal["error", "skip"]
 Boundary = Literal["edge", "zero"]
 
 BOUNDARIES: tuple[str, ...] = get_args(Boundary)

@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import shown, truth
+from sheetsplat._rows import usable_rows
 from sheetsplat.errors import complain, option_ref, unusable
+from sheetsplat.fields import NanPolicy
 
 from ._apart import Arrays, computed_apart
 from ._cells import Neighbourhoods, cell_blocks, grid_cells
@@ -213,6 +215,13 @@ def _used(mask: ArrayLike | None, count: int) -> NDArray[np.bool_] | None:
     return np.asarray(given != 0)
 
 
+def _masked(used: NDArray[np.bool_] | None, points: Any, values: Any) -> tuple[Any, Any]:
+    """Return points and values with 0 for those that are not used."""
+    if used is None:
+        return points, values
+    return np.where(used[:, None], points, 0.0), np.where(used, values, 0.0)
+
+
 def delaunay(
     points: ArrayLike,
     values: ArrayLike,
@@ -224,6 +233,7 @@ def delaunay(
     lowest: float = 1.1,
     falloff: float = 8.0,
     trim: bool = True,
+    nan: NanPolicy = "error",
 ) -> Kernels:
     """Return an ellipsoid for each point, shaped by its neighbours so that the ellipsoids cover without gaps.
 
@@ -272,6 +282,9 @@ def delaunay(
     trim
         For points without a mesh: leave out tetrahedra on the hull whose circumscribed sphere is more than 3.5 times as
         large as is usual at their corners: slivers on flat faces, and gaps that the data do not fill.
+    nan
+        What a point is whose position or value is not finite: "error", or "skip", which leaves it out with its cells,
+        and with a `PictureWarning`.
 
     Returns
     -------
@@ -284,8 +297,8 @@ def delaunay(
     Raises
     ------
     InvalidInput
-        For arrays whose sizes disagree, numbers that are not finite (the first is named), fewer than 5 positions, and
-        meshes in a plane or on a line.
+        For arrays whose sizes disagree, numbers that are not finite (the first is named) unless these points are left
+        out, fewer than 5 positions, and meshes in a plane or on a line.
     OutOfMemory
         Where the points are too many for Qhull and the edges, or the system ended the process.
 
@@ -308,10 +321,13 @@ def delaunay(
     count = len(given)
     _memory.require(_BYTES * count, f"the neighbourhoods of {count} points")
     used = _used(mask, count)
-    if used is not None:
-        given = np.where(used[:, None], given, 0.0)
-        flat = data.reshape(-1)
-        data = np.where(used, flat, 0.0) if len(flat) == count else flat
+    data = data.reshape(-1)
+    if len(data) == count:
+        given, data = _masked(used, given, data)
+        kept = usable_rows(_WHAT, {"point": given, "value": data}, nan, row="point")
+        if kept is not None:
+            used = kept if used is None else used & kept
+            given, data = _masked(used, given, data)
     at = places(_WHAT, given)
     field = scalars(_WHAT, data, "values", count)
     chosen = np.arange(count) if used is None else np.flatnonzero(used)

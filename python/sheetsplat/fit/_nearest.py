@@ -9,16 +9,23 @@ from numpy.typing import ArrayLike
 
 from sheetsplat import _memory
 from sheetsplat.errors import complain, option_ref
+from sheetsplat.fields import NanPolicy
 
 from ._kernels import Floats, Kernels
-from ._points import count_of, merge, nearest_neighbours, places, positive, scalars, scaled
+from ._points import count_of, merge, nearest_neighbours, places, positive, scalars, scaled, usable
 
 _WHAT = "fit.nearest"
 _MOST = 256
 
 
 def nearest(
-    points: ArrayLike, values: ArrayLike, *, neighbors: int = 12, overlap: float = 2.0, falloff: float = 8.0
+    points: ArrayLike,
+    values: ArrayLike,
+    *,
+    neighbors: int = 12,
+    overlap: float = 2.0,
+    falloff: float = 8.0,
+    nan: NanPolicy = "error",
 ) -> Kernels:
     """Return a sphere for each point, with a radius by the distances of its nearest neighbours.
 
@@ -39,6 +46,9 @@ def nearest(
         Radius in local distances.
     falloff
         k of the kernel's profile.
+    nan
+        What a point is whose position or value is not finite: "error", or "skip", which leaves it out, with a
+        `PictureWarning`.
 
     Returns
     -------
@@ -49,7 +59,8 @@ def nearest(
     Raises
     ------
     InvalidInput
-        For arrays whose sizes disagree, numbers that are not finite (the first is named), and too few positions.
+        For arrays whose sizes disagree, numbers that are not finite (the first is named) unless these points are left
+        out, and too few positions.
     OutOfMemory
         Where the distances do not fit.
 
@@ -59,8 +70,9 @@ def nearest(
     >>> len(ss.fit.nearest(points, points[:, 2], neighbors=8).centers)
     200
     """
-    at = places(_WHAT, points)
-    field = scalars(_WHAT, values, "values", len(at))
+    given = usable(_WHAT, nan, points=points, values=values)
+    at = places(_WHAT, given["points"])
+    field = scalars(_WHAT, given["values"], "values", len(at))
     count = count_of(_WHAT, "neighbors", neighbors, 1, _MOST)
     overlap = positive(_WHAT, "overlap", overlap)
     falloff = positive(_WHAT, "falloff", falloff)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.errors import option_ref
-from sheetsplat.io.checks import checked_shape, finite_points, finite_values, listed, require_rows, unreadable
+from sheetsplat.io.checks import checked_shape, listed, require_rows, unreadable
 from sheetsplat.io.ply_header import Element, read_header
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import unknown_scalar
@@ -101,7 +101,7 @@ def _require_properties(path: Path, vertex: Element) -> None:
         )
 
 
-def _scalar(path: Path, vertices: NDArray[Any], name: str) -> Floats:
+def _scalar(vertices: NDArray[Any], name: str) -> Floats:
     numbers = vertices[_COLORS.get(name, name)].astype(np.float64)
     with np.errstate(over="ignore"):
         if name == "opacity":
@@ -116,12 +116,13 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
     """Read the Gaussians of a scene; the scalar is opacity unless another property is named, or red, green or blue.
 
     The opacity is 1 / (1 + exp(−opacity)) of the file, red is 0.5 + 0.28209 f_dc_0 and so on; all others are what the
-    file has. Standard deviations are exp(scale); the quaternions are normalised.
+    file has. Standard deviations are exp(scale); the quaternions are normalised, and those
+    of length 0 become NaN.
 
     Raises
     ------
     InvalidInput
-        For missing properties, quaternions of length 0, numbers that are not finite, and files that end early.
+        For missing properties, and files that end early.
     """
     vertices, written = _vertices(source)
     path = source.path
@@ -138,28 +139,18 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
     points, logarithms, turns = (
         np.stack([vertices[part].astype(np.float64) for part in parts], axis=1) for parts in (_PLACE, _SCALE, _TURN)
     )
-    finite_points(path, points)
     with np.errstate(all="ignore"):
         deviations = np.exp(logarithms)
-        lengths = np.sqrt(np.square(turns).sum(axis=1))
-    sized = (np.isfinite(deviations) & (deviations > 0)).all(axis=1)
-    turned = np.isfinite(lengths) & (lengths > 1e-20)
-    for what, wrong in (
-        ("scale_0 … scale_2 whose exponential is not finite or 0", ~sized),
-        ("a quaternion rot_0 … rot_3 that is 0 or not finite", ~turned),
-    ):
-        if wrong.any():
-            found = f"{what}, in {int(wrong.sum())} vertices, the first is {int(np.argmax(wrong))}"
-            raise unreadable(path, found, "Gaussians of finite size and rotation")
-    values = finite_values(path, name, _scalar(path, vertices, name))
+        # A quaternion of length 0 is no rotation: NaN.
+        rotations = turns / np.sqrt(np.square(turns).sum(axis=1))[:, None]
     return Scattered(
         points,
-        values,
+        _scalar(vertices, name),
         name,
         "3dgs",
         tuple(known),
         deviations=deviations,
-        rotations=turns / lengths[:, None],
+        rotations=rotations,
         details={"encoding": written},
         orientation=_Y_DOWN,
     )

@@ -115,7 +115,7 @@ def field_of(
             raise complain(option_ref("falloff") + " cannot be used", found, wanted, "leave it out")
         both = data.masses is not None and data.densities is not None
         volumes: dict[str, Any] = {"masses": data.masses, "densities": data.densities} if both else {}
-        kernels = fits.sph(data.points, values, data.supports, support=1.0, **volumes)
+        kernels = fits.sph(data.points, values, data.supports, support=1.0, min_scale=min_scale, **volumes)
     elif how == "nearest":
         kernels = fits.nearest(data.points, values, **decay, **given(neighbors=neighbors))
     else:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import shown
-from sheetsplat.io.checks import beside, finite_points, require_rows, unreadable
+from sheetsplat.io.checks import beside, require_rows, unreadable
 from sheetsplat.io.hdf5_access import checked, inside, walk
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.sandbox import Array, read_apart
@@ -155,7 +155,7 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
     if points.ndim != 2 or not 1 <= points.shape[1] <= 3:
         raise unreadable(path, f"points of shape {points.shape}", "(N, 3)")
     require_rows(path, len(points))
-    points = finite_points(path, np.pad(points, ((0, 0), (0, 3 - points.shape[1]))))
+    points = np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
     cells = _cells(found.get("cells", []), len(points), path)
     arrays: dict[str, tuple[bool, NDArray[Any]]] = {}
     for name, values in found.get("point_data", []):

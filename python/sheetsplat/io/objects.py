@@ -57,4 +57,6 @@ def field_of_object(data: object, kind: ObjectKind, options: Mapping[str, Any]) 
     """Return the field of an object; `options` are those of `sheetsplat.open` that the caller gave."""
     record = read_object(data, kind, options)
     refused_for(kind.name, record, options)
+    if isinstance(record, Scattered):
+        record = record.usable(kind.name, options.get("nan", "error"))
     return field_of_record(record, options, kind.name)

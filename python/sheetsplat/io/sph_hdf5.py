@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sheetsplat._checks import shown
 from sheetsplat.errors import option_ref
 from sheetsplat.io import particle_units
-from sheetsplat.io.checks import finite_points, finite_values, listed, require_rows, unreadable
+from sheetsplat.io.checks import listed, require_rows, unreadable
 from sheetsplat.io.hdf5_access import checked, inside, read_dataset
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
@@ -138,6 +138,8 @@ def find_support(points: Floats, lengths: Floats, masses: Floats, densities: Flo
 
     from sheetsplat.fit import SPH_KERNELS
 
+    known = np.isfinite(points).all(axis=1)
+    points, lengths, masses, densities = (one[known] for one in (points, lengths, masses, densities))
     # Kernels much larger than the data overflow the tree's sums of squares.
     size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
     usable = np.flatnonzero((lengths > 0) & (lengths < 10.0 * size) & (densities > 0) & (masses > 0))
@@ -257,8 +259,8 @@ def _read_group(path: Path, file: Any, group: _Group, scalar: str | None, suppor
     require_rows(path, group.size)
     widths = group.widths()
     chosen, base, column = choose_scalar(path, scalar, (*_DENSITY, *_MASS), widths)
-    points = finite_points(path, group.read(group.place).astype(np.float64))
-    values = finite_values(path, chosen, column_of(group.read(base), column))
+    points = group.read(group.place).astype(np.float64)
+    values = column_of(group.read(base), column)
     masses, densities = group.column(_MASS), group.column(_DENSITY)
     if masses is None and (share := _mass_table(path, file, name)) > 0:
         masses = np.full(group.size, share)

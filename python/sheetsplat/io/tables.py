@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import file_path, instance, shown
+from sheetsplat._rows import pieces
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField
 from sheetsplat.io import numpy_files, pictures
-from sheetsplat.io.checks import Where, finite_points, finite_values, listed, pieces, unreadable
+from sheetsplat.io.checks import Where, listed, unreadable
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
 from sheetsplat.io.source import Source
@@ -51,7 +52,7 @@ def read_npz(source: Source, scalar: str | None = None) -> Scattered:
     Raises
     ------
     InvalidInput
-        For missing or additional rows, anything pickled, and numbers that are not finite.
+        For missing or additional rows, and anything pickled.
     """
     path = source.path
     arrays, texts = numpy_files.read_arrays(source, most=_MOST_COLUMNS)
@@ -91,8 +92,8 @@ def read_npz(source: Source, scalar: str | None = None) -> Scattered:
         name: float(arrays[name]) for name in _NUMBERS if name in arrays and not arrays[name].ndim
     }
     return Scattered(
-        finite_points(path, points.astype(np.float64)),
-        finite_values(path, name, column_of(rows[base], column)),
+        points.astype(np.float64),
+        column_of(rows[base], column),
         name,
         "npz, ellipsoids",
         scalar_names(widths),
@@ -233,7 +234,7 @@ def read_csv(source: Source, scalar: str | None = None) -> Scattered:
     Raises
     ------
     InvalidInput
-        For missing columns, rows of other lengths, and what is no finite number.
+        For missing columns, rows of other lengths, and what is no number.
     """
     path = source.path
     names, part = _lines(source)
@@ -266,8 +267,8 @@ def _of_columns(
     radius, weight = picked("radius"), picked("weight")
     scales = picked("sx", "sy", "sz") if radius is None else radius[:, 0]
     return Scattered(
-        finite_points(where, points),
-        finite_values(where, name, column_of(columns[base], column)),
+        points,
+        column_of(columns[base], column),
         name,
         file_format,
         scalar_names(widths),
@@ -297,7 +298,7 @@ def read_columns(data: Any, where: Where, scalar: str | None = None) -> Scattere
     Raises
     ------
     InvalidInput
-        For missing columns, other lengths, and what is no finite number.
+        For missing columns, and other lengths.
     """
     columns: dict[str, NDArray[Any]] = {}
     names = list(data.keys() if isinstance(data, Mapping) else data.columns)

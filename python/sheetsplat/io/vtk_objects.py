@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.io.checks import Where, finite_points, require_rows, unreadable
+from sheetsplat.io.checks import Where, require_rows, unreadable
 from sheetsplat.io.records import Floats, Scattered, Volume
 from sheetsplat.io.vtk_cells import HEXAHEDRON, Cells, hexahedra_of, joined, one_mesh, same_cells
 from sheetsplat.io.vtk_grids import Picked, image, pick, rectilinear
@@ -63,7 +63,7 @@ def _points(data: Any, where: Where) -> Floats:
     if not count:
         raise unreadable(where, "no points", "at least one")
     require_rows(where, count)
-    return finite_points(where, _numbers(points.GetData()).astype(np.float64))
+    return _numbers(points.GetData()).astype(np.float64)
 
 
 def _scattered(data: Any, where: Where, scalar: str | None, cells: Cells, file_format: str) -> Scattered:

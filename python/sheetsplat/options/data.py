@@ -94,7 +94,9 @@ class KernelOptions(TypedDict, total=False):
     nan: Annotated[
         NanPolicy | None,
         Option(
-            'Volumes: what to do with NaN samples; "skip" leaves their kernels out.', unset=value_text(_VOLUME["nan"])
+            'What to do with NaN samples, and with scattered data whose numbers are not finite; "skip" leaves their '
+            "kernels out.",
+            unset=value_text(_VOLUME["nan"]),
         ),
     ]
     boundary: Annotated[

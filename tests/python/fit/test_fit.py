@@ -369,7 +369,7 @@ _PLANE = CLOUD[:, :2] @ np.array([[0.3, 0.5, 0.1], [-0.7, 0.2, 0.9]])
         (lambda: fit.delaunay(_with(17, np.nan), np.ones(30)), "entry 17"),
         (lambda: fit.delaunay(_with(3, np.inf), np.ones(30)), "entry 3"),
         (lambda: fit.delaunay(_with(3, 1e200), np.ones(30)), "entry 3"),
-        (lambda: fit.delaunay(CLOUD, [*range(29), np.nan]), "values.*nan, entry 29"),
+        (lambda: fit.delaunay(CLOUD, [*range(29), np.nan]), "NaN, the value of point 29"),
         (lambda: fit.delaunay(CLOUD, np.ones(29)), "30 points and 29 values"),
         (lambda: fit.delaunay(CLOUD, np.ma.masked_equal(np.arange(30), 3)), "masked"),
         (lambda: fit.delaunay(CLOUD, ["a"] * 30), "type"),

@@ -83,7 +83,7 @@ def test_particles_that_lie_are_refused(tmp_path):
     with pytest.raises(ss.InvalidInput, match="Coordinates"):
         read_scattered(path)
     path, _ = write_particles(tmp_path / "c.h5", Density=[math.nan, *np.ones(39)])
-    with pytest.raises(ss.InvalidInput, match="1 of 40 values not finite, the first at 0"):
+    with pytest.raises(ss.InvalidInput, match="scalar Density of row 0; numbers of 1 of 40 rows are not finite"):
         read_scattered(path)
     for data in (path.read_bytes()[:1000], path.read_bytes()[:-600], b"\x89HDF\r\n\x1a\n" + bytes(100)):
         with pytest.raises(ss.Error):

@@ -192,8 +192,12 @@ std::vector<Clip::Plane> Clip::half_spaces() const {
         for (int axis = 0; axis < 3; ++axis) {
             Vec3 normal(0.0);
             normal[axis] = 1.0;
-            all.push_back({normal, box->lower[axis]});
-            all.push_back({-normal, -box->upper[axis]});
+            for (const Plane& face : {Plane{normal, box->lower[axis]}, Plane{-normal, -box->upper[axis]}}) {
+                // A face at infinity cuts nothing.
+                if (is_finite(face.offset)) {
+                    all.push_back(face);
+                }
+            }
         }
     }
     return all;

@@ -28,7 +28,7 @@ from sheetsplat.notices import muted
 
 #: Options that say what of a table is read, and which kernels it becomes.
 READING = ("scalar", "particles", "support")
-KERNELS = ("normalization", "w0", "falloff", "min_scale", "base", "nan")
+KERNELS = ("normalization", "w0", "falloff", "min_scale", "base", "periodic", "nan")
 # Rows of a piece, at most; of Parquet a piece is a row group.
 _ROWS = 1 << 20
 # Weights that are all 0 in a piece need not be so in all.
@@ -244,16 +244,19 @@ def _of_hdf5(files: Sequence[str], options: Mapping[str, Any]) -> Pieces:
 
     kernels = _reading(files[0], options, READING)
     reading = {name: options[name] for name in READING if name in options}
-    stamps, spans = [], []
+    stamps, spans, boxes = [], [], []
     for number, name in enumerate(files):
         with Source(Path(name), "") as source:
             check_plain(source, name)
-            count, support = sph_hdf5.locate(source, options.get("particles"), reading.get("support"))
+            count, support, box = sph_hdf5.locate(source, options.get("particles"), reading.get("support"))
+        boxes.append(box)
         if support is not None:
             # One for all files of a snapshot.
             reading["support"] = support
         stamps.append(Stamp.of(Path(name)))
         spans += [(number, first, min(_ROWS, count - first)) for first in range(0, count, _ROWS)]
+    if "periodic" not in kernels and len(set(boxes)) == 1 and boxes[0] is not None:
+        kernels["periodic"] = boxes[0]
     return _of_files(stamps, spans, _read_particles, reading, kernels)
 
 

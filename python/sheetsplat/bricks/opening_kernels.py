@@ -183,10 +183,10 @@ def open_kernels(
     )
     # The same kernels cut in another way have other bricks, and with other options other fields.
     one = found.template
-    told = (pieces.token, most, one.normalization, one.falloff, one.w0, one.cell_volume, one.base)
+    told = (pieces.token, most, one.normalization, one.falloff, one.w0, one.cell_volume, one.base, one.periodic)
     token = hashlib.blake2b(repr(told).encode(), digest_size=12).hexdigest()
     source = KernelSource(
-        pieces.name, token, found.template, found.sample.dtype, store, segments, partition, found.longest
+        pieces.name, token, found.template.without_end(), found.sample.dtype, store, segments, partition, found.longest
     )
     field = BrickedKernels.of(sample, source, facts)
     if "log" not in given:

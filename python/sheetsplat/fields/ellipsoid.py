@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory, _sheetsplat
-from sheetsplat._checks import choice, number, numbers, optional_number
+from sheetsplat._checks import Bounds, choice, number, numbers, optional_number, triple
 from sheetsplat._properties import Forwarded
 from sheetsplat._rows import usable_rows
 from sheetsplat.errors import Words, complain, option_ref, unusable
 from sheetsplat.fields.axes import axes_of_covariances, axes_of_frames
 from sheetsplat.fields.base import NOT_OPENED, Field, NanPolicy, Normalization
 from sheetsplat.fields.trim import Trim
+from sheetsplat.fields.wrapping import Periodic, periodic_box
 from sheetsplat.quantity import Quantity
 
 _FEWER = "use fewer kernels at a time"
@@ -24,7 +25,8 @@ _FALLOFF = 8.0
 _LEAST_WEIGHT = 1e-30
 # All that a field is made of: arrays of the native field, and the rest.
 _ARRAYS = ("centers", "scales", "rotations", "values", "weights")
-_PARTS = ("_normalization", "_w0", "_falloff", "_min_scale", "_cell_volume", "_base", "_ghosts", "_ghost_options")
+_OPTIONS = ("normalization", "w0", "falloff", "min_scale", "cell_volume", "base", "periodic")
+_PARTS = (*(f"_{name}" for name in _OPTIONS), "_ghosts", "_ghost_options")
 
 
 # What the rows of each array are, and their shapes.
@@ -94,6 +96,7 @@ class KernelOptions(TypedDict, total=False):
     cell_volume: float | None
     base: float
     nan: NanPolicy
+    periodic: Periodic
 
 
 class EllipsoidField(Field):
@@ -137,6 +140,11 @@ class EllipsoidField(Field):
         For "lattice": the volume that belongs to one kernel.
     base
         The value that all values are offset by: the scalar where no kernel reaches.
+    periodic
+        A box ((x0, y0, z0), (x1, y1, z1)), world units, in which kernels wrap: what leaves it by a face comes in by the
+        opposite one. Centres are moved into the box, kernels whose supports cross a face have images, which count in
+        every sum, and the field ends at the faces (`domain`): pictures are empty outside. An axis whose two ends are
+        equal, or of which one is infinite, does not wrap. A kernel may have up to 1000 images.
     nan
         What a kernel is that has a number which is not finite in any of the arrays: "error", or "skip", which leaves it
         out. One `PictureWarning` says how many are left out, and for which arrays.
@@ -156,9 +164,10 @@ class EllipsoidField(Field):
     (2, 0.5)
     """
 
-    __slots__ = ("_base", "_cell_volume", "_ghost_options", "_ghosts", "_min_scale")
+    __slots__ = ("_base", "_cell_volume", "_ghost_options", "_ghosts", "_min_scale", "_periodic")
     native: _sheetsplat.EllipsoidField
     _ghost_options: tuple[float, float] | None
+    _periodic: Bounds | None
 
     def __init__(
         self,
@@ -174,6 +183,7 @@ class EllipsoidField(Field):
         min_scale: float | None = None,
         cell_volume: float | None = None,
         base: float = 0.0,
+        periodic: Periodic = None,
         nan: NanPolicy = "error",
     ) -> None:
         self._normalization = choice("EllipsoidField: normalization", normalization, ("none", "lattice", "threshold"))
@@ -182,6 +192,7 @@ class EllipsoidField(Field):
         self._min_scale = optional_number("EllipsoidField: min_scale", min_scale)
         self._cell_volume = optional_number("EllipsoidField: cell_volume", cell_volume)
         self._base = number("EllipsoidField: base", base)
+        self._periodic = periodic_box("EllipsoidField", periodic)
         self._quantity, self._opened, self._orientation, self._trim = Quantity(), NOT_OPENED, None, Trim()
         self._ghosts, self._ghost_options = 0, None
         rest = {"scales": scales, "rotations": rotations, "values": values, "weights": weights}
@@ -205,12 +216,7 @@ class EllipsoidField(Field):
             rotations,
             values,
             weights=weights,
-            normalization=self._normalization,
-            w0=self._w0,
-            falloff=self._falloff,
-            min_scale=self._min_scale,
-            cell_volume=self._cell_volume,
-            base=self._base,
+            **{name: getattr(self, f"_{name}") for name in _OPTIONS},
             unit_rotations=unit_rotations,
             **of_part,
         )
@@ -249,7 +255,7 @@ class EllipsoidField(Field):
         values: NDArray[Any],
         weights: NDArray[Any] | None,
         *,
-        value_range: tuple[float, float],
+        value_range: tuple[float, float] | None = None,
     ) -> EllipsoidField:
         """Return the field of other kernels with the same options, for pictures in bricks.
 
@@ -258,14 +264,14 @@ class EllipsoidField(Field):
         centers, scales, rotations, values, weights
             Rows of the arrays of a field of this package: quaternions have unit length to the last digit.
         value_range
-            As for `part`.
+            As for `part`; that of the values unless given.
         """
         if weights is not None and not weights.any():
             # A field needs a weight above 0; those of 0 are drawn as this.
             weights = np.full_like(weights, _LEAST_WEIGHT)
         # The native range is offset by the base.
-        low, high = value_range[0] - self._base, value_range[1] - self._base
-        native = self._made(centers, scales, rotations, values, weights, unit_rotations=True, value_range=(low, high))
+        counted = None if value_range is None else tuple(value - self._base for value in value_range)
+        native = self._made(centers, scales, rotations, values, weights, unit_rotations=True, value_range=counted)
         return self._with(native=native)
 
     @classmethod
@@ -290,7 +296,7 @@ class EllipsoidField(Field):
         covariances
             (N, 3, 3), symmetric to within 1e-5 of their largest entry, and positive definite. Flat
             ones, with a variance of 0 within rounding, need `min_scale`.
-        weights, normalization, w0, falloff, cell_volume, base, nan
+        weights, normalization, w0, falloff, cell_volume, base, periodic, nan
             As for `EllipsoidField`.
         min_scale
             As for `EllipsoidField`: of semi-axes, not of standard deviations.
@@ -327,7 +333,7 @@ class EllipsoidField(Field):
             (N, 3, 3); the columns of each matrix are the three semi-axes of the support, world units, at right angles
             to each other (cosines of at most 1e-3; the nearest right angles are taken). The sign of a column does not
             matter. A column of length 0 needs `min_scale`.
-        weights, normalization, w0, falloff, min_scale, cell_volume, base, nan
+        weights, normalization, w0, falloff, min_scale, cell_volume, base, periodic, nan
             As for `EllipsoidField`.
 
         Raises
@@ -357,6 +363,10 @@ class EllipsoidField(Field):
     cell_volume = Forwarded[float | None](
         "_cell_volume", 'For normalisation "lattice": the volume that one kernel stands for, or None.'
     )
+    periodic = Forwarded[Bounds | None](
+        "_periodic", "The box in which kernels wrap, with ends of 0 along axes that do not wrap; None: no axis wraps."
+    )
+    images = Forwarded[int]("native.images", "Number of images of kernels in a periodic box, which `size` leaves out.")
     isotropic = Forwarded[bool]("native.isotropic", "Whether the kernels were given as spheres.")
     scale_range = Forwarded[tuple[float, float]](
         "native.scale_range", "Smallest and largest semi-axis, world units; 0, 0 without kernels.", tuple
@@ -368,6 +378,24 @@ class EllipsoidField(Field):
     ghost_options = Forwarded[tuple[float, float] | None](
         "_ghost_options", "Distance and weight of its ghost points, or None without them."
     )
+
+    @property
+    def bounds(self) -> Bounds:  # type: ignore[override]
+        """World-aligned box around all supports, within the field's domain: its lower and its upper corner."""
+        box: Bounds = self.native.supports
+        if self.domain is None or not self.size:
+            return box
+        ends = np.clip(box, *self.domain)
+        return triple("bounds", ends[0]), triple("bounds", ends[1])
+
+    def without_end(self) -> EllipsoidField:
+        """Return the kernels without a periodic box, in which images of them would count."""
+        made = self._with(_periodic=None)
+        return self if self._periodic is None else made.with_rows(*(getattr(self.native, name) for name in _ARRAYS))
+
+    def with_images(self) -> EllipsoidField:
+        """Return the kernels and their images in a periodic box, all as kernels of a field that does not end."""
+        return self._with(_periodic=None, native=self.native.with_images())
 
     def weight_at(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the sum W of weights at points (M, 3) in the world, shape (M,): it is small where the data are sparse.
@@ -430,6 +458,13 @@ class EllipsoidField(Field):
                 "a field without",
                 "call with_ghost_points on the field of the data alone",
             )
+        if self._periodic is not None:
+            raise complain(
+                "EllipsoidField: ghost points cannot be added",
+                "a periodic box",
+                "a field with a border",
+                "leave out " + option_ref("periodic"),
+            )
         # The tree of the centres.
         _memory.require(96 * self.size, f"the ghost points of {self.size} kernels", _FEWER)
         owners, places = self.native.ghost_points(away, (_memory.available() - 96 * self.size) // 256)
@@ -439,23 +474,14 @@ class EllipsoidField(Field):
         rotations, weights = self.rotations, self.weights
         if weights is None and mass != 1.0:
             weights = np.ones(self.size)
-        field = EllipsoidField(
+        field = self.with_rows(
             np.concatenate((self.centers, places)),
             np.concatenate((self.scales, self.scales[owners])),
             None if rotations is None else np.concatenate((rotations, rotations[owners])),
             np.concatenate((self.values, np.full(count, self._base))),
-            weights=None if weights is None else np.concatenate((weights, np.full(count, mass))),
-            normalization=self._normalization,  # type: ignore[arg-type]
-            w0=self._w0,
-            falloff=self._falloff,
-            cell_volume=self._cell_volume,
-            base=self._base,
+            None if weights is None else np.concatenate((weights, np.full(count, mass))),
         )
-        field._min_scale = self._min_scale
-        field._quantity, field._opened, field._orientation = self._quantity, self._opened, self._orientation
-        field._trim = self._trim
-        field._ghosts, field._ghost_options = count, (away, mass)
-        return field
+        return self._with(native=field.native, _ghosts=count, _ghost_options=(away, mass))
 
     def __repr__(self) -> str:
         """Return a short description."""
@@ -463,7 +489,9 @@ class EllipsoidField(Field):
         thin, long = self.scale_range
         kinds = "spheres" if self.isotropic else "ellipsoids"
         ghosts = f", {self._ghosts} of them ghost points" if self._ghosts else ""
+        base = f", base {self._base:g}" if self._base else ""
+        box = f", periodic in {self._periodic}" if self._periodic else ""
         return (
-            f"EllipsoidField({self.size} {kinds}{ghosts}, semi-axes {thin:g} to {long:g}, values {low:g} to {high:g}, "
-            f"{f'base {self._base:g}, ' if self._base else ''}normalization {self._normalization!r}{self._up_text})"
+            f"EllipsoidField({self.size} {kinds}{ghosts}, semi-axes {thin:g} to {long:g}, values {low:g} to {high:g}"
+            f"{base}{box}, normalization {self._normalization!r}{self._up_text})"
         )

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory, _sheetsplat
-from sheetsplat._checks import Bounds, Triple, Vector, as_array, choice, number, optional_number, triple, truth
+from sheetsplat._checks import Triple, Vector, as_array, choice, number, optional_number, triple, truth
 from sheetsplat._properties import Forwarded
 from sheetsplat.errors import complain
 from sheetsplat.fields.base import NOT_OPENED, Field, NanPolicy, Normalization
@@ -403,12 +403,6 @@ class RegularField(Field):
     given_base = Forwarded[float | None]("_base", "The base that was given, or None.")
 
     @property
-    def domain(self) -> Bounds | None:
-        """World-aligned box where the volume ends: its lower and its upper corner; None where it ends nowhere."""
-        lower, upper = self.native.domain
-        return (lower, upper) if all(a <= b for a, b in zip(lower, upper, strict=True)) else None
-
-    @property
     def kernels_at_a_point(self) -> float:
         """About how many kernels reach a point inside."""
         return 4.0 / 3.0 * math.pi * self.radius**3
@@ -423,14 +417,6 @@ class RegularField(Field):
             return super()._found(places, columns)
         sums, nearest = zip(*found, strict=True)
         return np.concatenate(sums), np.concatenate(nearest)
-
-    def inside(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return which points (M, 3) lie in the volume's domain, (M,)."""
-        box = self.domain
-        if box is None:
-            return super().inside(points)
-        found: NDArray[np.bool_] = np.all((points >= box[0]) & (points <= box[1]), axis=1)
-        return found
 
     @property
     def _least_divisor(self) -> float | None:

@@ -159,14 +159,16 @@ def merge(what: str, points: Floats, values: Floats) -> Merged:
     return Merged(points[kept], mean, number, merged)
 
 
-def nearest_neighbours(points: Floats, most: int, chosen: Numbers | None = None) -> tuple[Numbers, Floats]:
+def nearest_neighbours(
+    points: Floats, most: int, chosen: Numbers | None = None, sides: Floats | None = None
+) -> tuple[Numbers, Floats]:
     """Return the numbers and the distances of at most so many other points nearest to each, (N, k), nearest first.
 
-    `chosen`: of these points only.
+    `chosen`: of these points only. `sides`: those of a periodic box at the origin, 0 along axes that do not wrap.
     """
     from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 
-    tree = cKDTree(points)
+    tree = cKDTree(points, boxsize=sides)
     wanted = min(most, len(points) - 1) + 1
     # Between the pieces an interrupt is answered.
     asked = points if chosen is None else points[chosen]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from sheetsplat._checks import choice
 from sheetsplat.errors import complain, option_ref, unusable
-from sheetsplat.fields import NanPolicy
+from sheetsplat.fields import NanPolicy, Periodic, periodic_box
 
 from ._kernels import Floats, Kernels, profile, unit_mass
 from ._points import places, positive, refuse_entries, scalars, usable
@@ -126,6 +126,7 @@ def sph(
     masses: ArrayLike | None = None,
     densities: ArrayLike | None = None,
     min_scale: float | None = None,
+    periodic: Periodic = None,
     nan: NanPolicy = "error",
 ) -> Kernels:
     """Return a sphere for each SPH particle, with the lowered Gaussian of :class:`SphKernel`.
@@ -154,6 +155,9 @@ def sph(
     min_scale
         World units: smaller radii of the Gaussians' supports, also those of 0, are raised to it. Weights follow from
         the raised ones, so that particles keep their masses.
+    periodic
+        A box ((x0, y0, z0), (x1, y1, z1)), world units, in which kernels wrap, as for
+        :class:`sheetsplat.EllipsoidField`.
     nan
         What a particle is that has a number which is not finite: "error", or "skip", which leaves it out, with a
         `PictureWarning`.
@@ -231,4 +235,5 @@ def sph(
         weights=weights,
         falloff=chosen.falloff,
         report={"points": count, "kernel": chosen.name},
+        periodic=periodic_box(_WHAT, periodic),
     )

@@ -20,6 +20,8 @@ _META_SUFFIXES = (".mhd", ".mha")
 _TABLE_SUFFIXES = (".csv", ".tsv", ".txt")
 _MESHIO = (".msh", ".med", ".xdmf", ".xmf")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+# Bytes of the smallest user block in front of HDF5; larger ones are twice as large each.
+_USER_BLOCK = 512
 _NETCDF = (b"CDF\x01", b"CDF\x02", b"CDF\x05")
 # Files of a folder by which its format is recognized: where all must be of it, and where others may lie beside them.
 _FEW, _MANY = 3, 200
@@ -163,9 +165,16 @@ def _is_mrc(source: Source) -> bool:
     return source.head(_HEAD)[208:212] == b"MAP "
 
 
+def hdf5_start(source: Source) -> int | None:
+    """Return the byte at which HDF5 begins, behind a user block if there is one; None for other files."""
+    head = source.head(_LONG_HEAD)
+    places = (0, *(_USER_BLOCK << n for n in range((_LONG_HEAD // _USER_BLOCK).bit_length() - 1)))
+    return next((at for at in places if head.startswith(_HDF5, at)), None)
+
+
 def _hdf5_kind(source: Source) -> str:
     """Return what an HDF5 file holds, as `hdf5_volumes.kind_of` does, "" for other files, and for meshes of MED."""
-    if source.suffix in _MESHIO or not source.head(_HEAD).startswith(_HDF5):
+    if source.suffix in _MESHIO or hdf5_start(source) is None:
         return ""
     kind: str = pkgutil.resolve_name(_IO + "hdf5_volumes:kind_of")(source)
     return kind
@@ -251,7 +260,8 @@ FORMATS: tuple[Format, ...] = (
     _volume("zarr", "zarr_folders:read", "Zarr and OME-Zarr (FOLDER:/array)", _never, "name", "step",
             recognizes_folder=_is_zarr, parts=True, steps="zarr_folders:count_steps"),
     _scattered("meshio", "meshio_files:read", "Gmsh (.msh), MED, XDMF", _is_of_meshio, "scalar"),
-    _scattered("hdf5", "sph_hdf5:read", "HDF5 with particles", _begins(_HDF5), "scalar", "particles", "support"),
+    _scattered("hdf5", "sph_hdf5:read", "HDF5 with particles", lambda source: hdf5_start(source) is not None,
+               "scalar", "particles", "support"),
     _scattered("mesh", "triangle_meshes:read", ".obj and .ply of closed meshes", _is_mesh),
     _scattered("ply", "gaussian_ply:read", ".ply of 3D Gaussian Splatting", _begins(b"ply\n", b"ply\r"), "scalar"),
     _volume("vti", "vtk_xml.images:read", ".vti, .vtr, .pvti, .pvtr", _is_vtk_image, "name", "resample"),

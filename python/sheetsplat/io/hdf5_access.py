@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from sheetsplat import _memory
 from sheetsplat._checks import shown
 from sheetsplat.io.checks import unreadable
+from sheetsplat.io.formats import hdf5_start
 from sheetsplat.io.source import DEFLATE_RATIO, Source
 
 _MOST_LINKS = 16
@@ -41,7 +42,7 @@ class _Superblock:
 
 
 def _superblock(source: Source) -> _Superblock:
-    head = source.head(64)
+    head = source.head((hdf5_start(source) or 0) + 64)[-64:]
     version = head[8] if len(head) > 14 else -1
     if version in (0, 1):
         width, lengths, at = head[13], head[14], 24 if version == 0 else 28

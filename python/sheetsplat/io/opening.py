@@ -28,9 +28,9 @@ REGULAR = (
     *("shape", "dtype", "offset", "name", "resample", "spacing", "origin", "lattice", "radius", "prefilter"),
     "boundary",
 )
-SCATTERED_ONLY = ("grid", "particles", "support", "fit", "neighbors", "min_scale")
+SCATTERED_ONLY = ("grid", "particles", "support", "fit", "neighbors", "min_scale", "periodic")
 _POINTS = ("grid", "scalar", "particles", "support", "step", "nan")
-_ELLIPSOIDS = ("fit", "neighbors", "normalization", "w0", "falloff", "min_scale", "base")
+_ELLIPSOIDS = ("fit", "neighbors", "normalization", "w0", "falloff", "min_scale", "base", "periodic")
 _SAMPLES = (
     *("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan"),
     *("boundary", "base"),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat._checks import Triple
+from sheetsplat._checks import Bounds, Triple
 from sheetsplat._rows import usable_rows
 from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Quantity
@@ -95,6 +95,8 @@ class Scattered:
         Of the values and of the positions, for figures.
     why
         Why values may be NaN, for messages.
+    periodic
+        The box in which they wrap, as for `EllipsoidField`; None: they do not.
     """
 
     points: Floats
@@ -121,6 +123,7 @@ class Scattered:
     unit: str = ""
     length_unit: str = ""
     why: str = ""
+    periodic: Bounds | None = None
 
     def usable(self, where: object, nan: str = "error") -> Scattered:
         """Return the rows whose numbers are finite, and the cells of them; see `usable_rows`, which raises."""

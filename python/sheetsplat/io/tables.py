@@ -16,14 +16,14 @@ from sheetsplat import _memory
 from sheetsplat._checks import file_path, instance, shown
 from sheetsplat._rows import pieces
 from sheetsplat.errors import complain
-from sheetsplat.fields import EllipsoidField
+from sheetsplat.fields import EllipsoidField, periodic_box
 from sheetsplat.io import numpy_files, pictures
 from sheetsplat.io.checks import Where, listed, unreadable
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
 from sheetsplat.io.source import Source
 
-_OWN = ("centers", "scales", "radii", "rotations", "weights")
+_OWN = ("centers", "scales", "radii", "rotations", "weights", "periodic")
 _NUMBERS = ("w0", "falloff", "cell_volume", "base")
 # Arrays of positions, three numbers a row.
 _CENTERS = ("centers", "points", "positions", "position", "coordinates")
@@ -45,9 +45,9 @@ def holds_ellipsoids(source: Source) -> bool:
 def read_npz(source: Source, scalar: str | None = None) -> Scattered:
     """Read ellipsoids: arrays centers (N, 3), scales (N, 3) or (N,), or radii (N,), values, rotations, weights.
 
-    Rotations are quaternions w, x, y, z, (N, 4). The numbers w0, falloff, cell_volume and base and the text
-    normalization of `save_npz` are optional. Without scales and radii the rows are points. Every other array of N rows
-    can be the scalar; "values" unless another is named.
+    Rotations are quaternions w, x, y, z, (N, 4). The numbers w0, falloff, cell_volume and base, the box periodic, (2,
+    3), and the text normalization of `save_npz` are optional. Without scales and radii the rows are points. Every other
+    array of N rows can be the scalar; "values" unless another is named.
 
     Raises
     ------
@@ -68,6 +68,7 @@ def read_npz(source: Source, scalar: str | None = None) -> Scattered:
         "radii": (one,),
         "rotations": ((count, 4),),
         "weights": (one,),
+        "periodic": ((2, 3),),
         "values": (one, (count, *arrays["values"].shape[1:2])) if "values" in arrays else (),
         **dict.fromkeys(_NUMBERS, ((),)),
         # (As a column it may be the scalar.)
@@ -101,6 +102,7 @@ def read_npz(source: Source, scalar: str | None = None) -> Scattered:
         rotations=_optional(arrays.get("rotations")),
         weights=_optional(arrays.get("weights")),
         normalization=texts.get("normalization"),
+        periodic=periodic_box(str(path), arrays.get("periodic")),
         **numbers,
     )
 
@@ -137,7 +139,7 @@ def save_npz(field: EllipsoidField, path: str | os.PathLike[str]) -> None:
     target = file_path("the field cannot be saved", path, "a path that ends with .npz")
     if target.suffix.lower() != ".npz":
         raise complain(f"{target} cannot be written", f"the suffix {target.suffix!r}", ".npz")
-    names = ("centers", "scales", "rotations", "values", "weights", "normalization", *_NUMBERS)
+    names = ("centers", "scales", "rotations", "values", "weights", "normalization", "periodic", *_NUMBERS)
     arrays = {name: getattr(field, name) for name in names if getattr(field, name) is not None}
     pictures.check_folder(target)
     with pictures.whole_file(target) as made, made.open("wb") as stream:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,9 +30,7 @@ _PER_CELL = 4.0
 
 def with_values(field: EllipsoidField, values: Floats) -> EllipsoidField:
     """Return a field of the same kernels with other values, (N,)."""
-    names = ("weights", "normalization", "w0", "falloff", "min_scale", "cell_volume", "base")
-    options: Any = {name: getattr(field, name) for name in names}
-    return EllipsoidField(field.centers, field.scales, field.rotations, values, **options)
+    return field.with_rows(field.centers, field.scales, field.rotations, values, field.weights)
 
 
 @dataclass(frozen=True)

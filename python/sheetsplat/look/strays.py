@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import Any, cast
 
 import numpy as np
@@ -82,12 +81,8 @@ def trimmed(field: Field, trim: Trim) -> Field:
         return field.replace(values).with_trim(trim)
     made = cast(EllipsoidField, field)
     kept = np.setdiff1d(np.arange(made.size), trim.kernels)
-    names = ("normalization", "w0", "falloff", "min_scale", "cell_volume", "base")
-    options: Any = {name: getattr(made, name) for name in names}
     rotations, weights = (None if rows is None else rows[kept] for rows in (made.rotations, made.weights))
-    fewer = EllipsoidField(made.centers[kept], made.scales[kept], rotations, values[kept], weights=weights, **options)
-    fewer = fewer.with_quantity(**asdict(made.quantity))
-    return fewer.with_orientation(made.orientation).opened_with(made.opened).with_trim(trim)
+    return made.with_rows(made.centers[kept], made.scales[kept], rotations, values[kept], weights).with_trim(trim)
 
 
 def _within(field: Field, clim: Any) -> Field:

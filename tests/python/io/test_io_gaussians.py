@@ -39,9 +39,6 @@ def test_gaussians_behind_other_elements(tmp_path):
     header, data, wanted = ply_bytes("text", before="element camera 2\nproperty uchar a\nproperty short b\n")
     read = read_scattered(stored(tmp_path / "t.ply", header + b"1 2\n3 4\n" + data))
     np.testing.assert_array_equal(read.points[:, 0], wanted["x"])
-    header, data, _ = ply_bytes(before="element face 2\nproperty list uchar int a\n")
-    with pytest.raises(ss.InvalidInput, match="lists in face"):
-        read_scattered(stored(tmp_path / "g.ply", header + data))
 
 
 @pytest.mark.parametrize("missing", ["x", "scale_2", "rot_3", "opacity"])

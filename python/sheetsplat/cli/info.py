@@ -137,6 +137,8 @@ def describe(field: EllipsoidField, bins: int, log: object = None) -> dict[str, 
         "falloff": field.falloff,
         "slice_spacing": field.default_slice_spacing,
         "memory_bytes": field.memory,
+        "periodic": None if field.periodic is None else [list(corner) for corner in field.periodic],
+        "images": field.images,
         **_statistics(field.values[known], bins),
     }
     if field.size:
@@ -236,6 +238,9 @@ def _scattered_rows(report: dict[str, Any]) -> list[tuple[str, str]]:
             ("aspect", aspect),
             ("weights", " to ".join(f"{weight:g}" for weight in report["weights"])),
         ]
+    if report["periodic"]:
+        box = " to ".join(f"({_listed(corner)})" for corner in report["periodic"])
+        rows.append(("periodic", f"{box}, with {report['images']} images of kernels"))
     w0 = f", w0 {report['w0']:g}" if report["normalization"] == "threshold" else ""
     return [
         *rows,

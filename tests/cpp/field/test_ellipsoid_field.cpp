@@ -250,7 +250,7 @@ TEST(EllipsoidField, a_periodic_box_has_images_behind_its_faces) {
     EXPECT_EQ(alone->size(), 2u);
     EXPECT_FALSE(alone->domain_world());
 
-    options.periodic = Box{Vec3(0.0), Vec3(0.2, 0.2, 10.0)};
+    options.periodic = Box{Vec3(0.0), Vec3(0.05, 0.05, 10.0)};
     try {
         const EllipsoidField thin(arrays, options);
         FAIL() << "a box that takes too many images";

@@ -208,7 +208,7 @@ def test_the_box_of_a_file(tmp_path):
     told = data.details["support"]
     assert told.startswith("2 smoothing lengths") and float(told.split()[-2]) < 1e-9
     assert data.details["box"] == "10 x 10 x 10, periodic" and field.periodic == ((0, 0, 0), (10, 10, 10))
-    assert "periodic" in run("info", path).stdout
+    assert f"(0, 0, 0) to (10, 10, 10), with {field.images} images of kernels" in run("info", path).stdout
     assert ss.open(path, periodic=((0, 0, 0), (0, 0, 0))).periodic is None
     assert ss.open_bricks(path).periodic == field.periodic
     out = tmp_path / "a.png"

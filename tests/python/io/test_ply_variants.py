@@ -70,6 +70,12 @@ def packed_gaussians(count, *, with_colors, seed=2):
     return chunk, vertex, (points, sizes, turns, colors, opacity)
 
 
+def small_packed():
+    """Return a small file of packed Gaussians."""
+    chunk, vertex, _ = packed_gaussians(6, with_colors=True)
+    return file_of({"chunk": chunk, "vertex": vertex})
+
+
 @pytest.mark.parametrize("with_colors", [False, True])
 def test_packed_gaussians(tmp_path, with_colors):
     chunk, vertex, (points, sizes, turns, colors, opacity) = packed_gaussians(600, with_colors=with_colors)

@@ -91,14 +91,14 @@ def open(path: Data, **options: Unpack[OpenOptions]) -> RegularField | Ellipsoid
     (FILE:/dataset), Zarr and OME-Zarr (FOLDER:/array), .vti, .vtr, .pvti, .pvtr, .vtm and .pvd of images, .vtk of
     images and rectilinear grids, raw samples. Scattered data: VTKHDF meshes, Gmsh (.msh), MED, XDMF, HDF5 with
     particles, .obj and .ply of closed meshes, .ply of 3D Gaussian Splatting, .vtm and .pvd of meshes (FILE.vtm:/block),
-    .vtu, .vts, .vtp, .pvtu, .pvts, .pvtp, .vtk, .csv, .npz with an array centers, PLOT3D solutions with a grid.
+    .vthb, .vtu, .vts, .vtp, .pvtu, .pvts, .pvtp, .vtk, .csv, .npz with an array centers, PLOT3D solutions with a grid.
 
     Parameters
     ----------
     path
         The file; its format is found by content, then by suffix. Or an array [k, j, i], an xarray DataArray or
-        Dataset, a dask, Zarr or h5py array, a PyVista or VTK data set, or a pandas or polars DataFrame or a dict of
-        columns x, y, z and others (data.md).
+        Dataset, a dask, Zarr or h5py array, a PyVista or VTK data set, a meshio Mesh, or a pandas or polars DataFrame
+        or a dict of columns x, y, z and others (data.md).
     **options
         Those of OpenOptions.
 

@@ -14,10 +14,12 @@ import h5py
 import numpy as np
 import OpenEXR
 import scattered_files as scattered
+import test_amr
 import test_data_formats as others
 import test_first_sight
 import test_io
 import test_mesh_files
+import test_ply_variants
 import test_volume_variants as variants
 import test_vtk_files as vtk
 import test_vtk_parts as parts
@@ -48,6 +50,12 @@ def _ellipsoids(folder: Path) -> Files:
 def _particles(folder: Path) -> Files:
     path, _ = scattered.write_particles(folder / "s.hdf5", 20)
     return {"s.hdf5": path.read_bytes()}
+
+
+def _particles_in_a_box(folder: Path) -> Files:
+    header = {"BoxSize": 10.0, "MassTable": np.ones(6), "HubbleParam": 0.7, "Time": 0.5, "Redshift": 1.0}
+    path, _ = scattered.write_particles(folder / "b.h5", 20, leave_out=("Masses", "SmoothingLength"), header=header)
+    return {"b.h5": path.read_bytes()}
 
 
 def _packed_particles(folder: Path) -> Files:
@@ -192,6 +200,12 @@ def _blocks() -> Files:
     return {"a.vtm": (text + "</vtkMultiBlockDataSet></VTKFile>").encode(), "a.vti": _vti("ascii")}
 
 
+def _levels(folder: Path) -> Files:
+    first = test_amr.files(folder)
+    images = {str(one.relative_to(folder)): one.read_bytes() for one in sorted((folder / "amr").iterdir())}
+    return {first.name: first.read_bytes(), **images}
+
+
 def _series() -> Files:
     text = '<VTKFile type="Collection"><Collection><DataSet timestep="0.5" group="" part="0" file="a.vti"/>'
     return {"a.pvd": (text + "</Collection></VTKFile>").encode(), "a.vti": _vti("ascii")}
@@ -226,6 +240,10 @@ KINDS: dict[str, Callable[[Path], Files]] = {
     "hdf5": _particles,
     "hdf5 packed": _packed_particles,
     "ply": lambda _: {"a.ply": b"".join(scattered.ply_bytes(count=6)[:2])},
+    "ply packed": lambda _: {"a.ply": test_ply_variants.small_packed()},
+    "ply of volumes": lambda _: {"a.ply": test_ply_variants.file_of({"vertex": test_ply_variants.volume_gaussians(6)})},
+    "hdf5 in a box": _particles_in_a_box,
+    "vthb": _levels,
     "ply text": lambda _: {"a.ply": b"".join(scattered.ply_bytes("text", count=6)[:2])},
     "mesh obj": lambda _: {"a.obj": test_first_sight.box_obj(test_first_sight.QUADS).encode()},
     "mesh ply": lambda _: {"a.ply": test_first_sight.box_ply(test_first_sight.QUADS).encode()},

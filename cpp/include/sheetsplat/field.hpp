@@ -89,6 +89,8 @@ class Field {
     [[nodiscard]] virtual std::array<double, 2> reach_along(const Vec3& from, const Vec3& direction) const = 0;
     /// Bytes that the field keeps.
     [[nodiscard]] virtual std::size_t memory() const = 0;
+    /// Where the field ends, or nowhere; infinite along axes along which it does not.
+    [[nodiscard]] virtual const std::optional<Parallelepiped>& domain() const = 0;
 
   protected:
     Field() = default;
@@ -238,7 +240,7 @@ class RegularField final : public Field {
 
     /// Where the field ends: half a sample distance beyond the outermost samples (BCC: a / 4 beyond the box of all
     /// centres), or nowhere. A BCC lattice of one layer counts as boundary zero.
-    [[nodiscard]] const std::optional<Parallelepiped>& domain() const { return domain_; }
+    [[nodiscard]] const std::optional<Parallelepiped>& domain() const override { return domain_; }
     /// Mirrored samples before the first one along k, j and i; as many lie beyond the last one. 0 for boundary zero.
     [[nodiscard]] const std::array<std::size_t, 3>& mirrored() const { return mirrored_; }
     /// The lattice of the same kernels and the mirrored ones whose supports reach into the domain, whose sample
@@ -319,16 +321,23 @@ struct EllipsoidFieldOptions {
     double least_weight = 0.0;           ///< Field::least_weight()
     /// Where the kernels are a part of a larger field: that of its value_range().
     std::optional<std::array<double, 2>> value_range{};
+    /// A box whose opposite faces are one and the same: what leaves it by one comes in by the other. An axis whose
+    /// lower and upper end are equal, or one of which is infinite, does not wrap.
+    std::optional<Box> periodic{};
 };
 
 /// Ellipsoidal Gaussians of any place, size and direction ([NM06]). Immutable; may have no kernels at all.
+///
+/// In a periodic box centres are moved into it, and kernels whose supports cross a face get images, which are kernels
+/// like all others and follow those that were given; the field ends at the faces.
 class EllipsoidField final : public Field {
   public:
     /// Throws InvalidInput, with the index of the first wrong entry, for arrays of unequal length, numbers that are not
     /// finite, semi-axes <= 0 (see min_scale), quaternions farther than 1e-3 from unit length (closer ones are
     /// normalised), negative weights, weights that are all 0; for falloff, w0, min_scale or cell_volume that are not
     /// finite and positive; for normalisation lattice without cell_volume or with kernels of different volume (relative
-    /// difference above 1e-6).
+    /// difference above 1e-6); for a periodic box whose lower end is above its upper one, and kernels of more than
+    /// 1000 images. OutOfMemory where the images do not fit.
     explicit EllipsoidField(EllipsoidArrays arrays, const EllipsoidFieldOptions& options = {});
 
     [[nodiscard]] FieldKind kind() const override { return FieldKind::ellipsoid; }
@@ -340,6 +349,15 @@ class EllipsoidField final : public Field {
     [[nodiscard]] double default_slice_spacing() const override { return slice_spacing_; }
     [[nodiscard]] std::array<double, 2> reach_along(const Vec3& from, const Vec3& direction) const override;
     [[nodiscard]] std::size_t memory() const override;
+    [[nodiscard]] const std::optional<Parallelepiped>& domain() const override { return domain_; }
+
+    /// Number of the kernels that were given, which come before their images.
+    [[nodiscard]] std::size_t given() const { return size() - owners_.size(); }
+    /// Which of them a kernel is, or is an image of; -1 for -1.
+    [[nodiscard]] std::int64_t given_kernel(std::int64_t number) const;
+    /// The kernels that were given as a field that does not end: what it counts as in a group with fields that end
+    /// elsewhere.
+    [[nodiscard]] std::shared_ptr<const EllipsoidField> without_end() const;
 
     [[nodiscard]] const EllipsoidArrays& arrays() const { return arrays_; }
     [[nodiscard]] const EllipsoidFieldOptions& options() const { return options_; }
@@ -367,8 +385,15 @@ class EllipsoidField final : public Field {
     [[nodiscard]] double lattice_constant() const { return lattice_constant_; }
 
   private:
+    /// Moves centres into the periodic box.
+    void wrap_centers();
+    /// Adds the images of kernels whose supports cross a face.
+    void add_images();
+
     EllipsoidArrays arrays_;
     EllipsoidFieldOptions options_;
+    std::vector<std::size_t> owners_; ///< of the images
+    std::optional<Parallelepiped> domain_;
     Box centres_world_, supports_world_;
     std::array<double, 2> value_range_{0.0, 0.0};
     std::array<double, 2> weight_range_{1.0, 1.0};

@@ -92,6 +92,9 @@ std::vector<FieldSums> sums_of(const EllipsoidField& field, const std::vector<Ve
             }
         });
     }
+    for (FieldSums& one : sums) {
+        one.nearest = field.given_kernel(one.nearest);
+    }
     return sums;
 }
 

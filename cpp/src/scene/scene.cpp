@@ -192,8 +192,12 @@ std::vector<Clip::Plane> Clip::half_spaces() const {
     if (box) {
         for (int axis = 0; axis < 3; ++axis) {
             const Vec3 normal = glm::row(box->to_box, axis);
-            all.push_back({normal, box->box.lower[axis]});
-            all.push_back({-normal, -box->box.upper[axis]});
+            for (const Plane& face : {Plane{normal, box->box.lower[axis]}, Plane{-normal, -box->box.upper[axis]}}) {
+                // A face at infinity cuts nothing.
+                if (is_finite(face.offset)) {
+                    all.push_back(face);
+                }
+            }
         }
     }
     return all;

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from sheetsplat._checks import Bounds, Triple
 from sheetsplat.errors import complain
-from sheetsplat.fields import BrickedField, Normalization, RegularField, ending
+from sheetsplat.fields import BrickedField, NanPolicy, Normalization, RegularField, ending
 from sheetsplat.fields.ending import DOMAIN, lattice_constant
-from sheetsplat.fields.regular import Boundary, Lattice, NanPolicy
+from sheetsplat.fields.regular import Boundary, Lattice
 from sheetsplat.ripple import lattice_ripple
 
 #: First and last index, the last one outside, along k, j, i.

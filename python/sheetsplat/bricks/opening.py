@@ -42,7 +42,7 @@ _AROUND = 6
 _SAMPLES = ("shape", "dtype", "offset", "name", "scalar", "step")
 _OWN = ("brick", "levels", "brick_kernels", "scratch", "client", "worker_timeout", "progress")
 # Options of scattered data, and one that needs all samples at once.
-_REFUSED = ("grid", "particles", "support", "fit", "neighbors", "min_scale", "resample", "weight")
+_REFUSED = ("grid", "particles", "support", "fit", "neighbors", "min_scale", "periodic", "resample", "weight")
 
 
 @documented(OpenBricksOptions, chooses=True)

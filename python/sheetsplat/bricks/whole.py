@@ -40,6 +40,8 @@ class Whole:
         The offset of values.
     lattice
         The lattice; None for scattered kernels.
+    box
+        The periodic box of scattered kernels; None without one.
     """
 
     centres: Bounds
@@ -51,6 +53,7 @@ class Whole:
     is_mean: bool = False
     base: float = 0.0
     lattice: LatticeSpec | None = None
+    box: Bounds | None = None
 
     @classmethod
     def of_lattice(cls, lattice: LatticeSpec, value_range: tuple[float, float], centres: Bounds) -> Whole:
@@ -79,7 +82,7 @@ class Whole:
     @property
     def domain(self) -> Bounds | None:
         """Where the field ends, in the coordinates of cells; None: nowhere."""
-        return None if self.lattice is None else self.lattice.domain
+        return self.box if self.lattice is None else self.lattice.domain
 
     @property
     def is_filled(self) -> bool:
@@ -108,6 +111,7 @@ class Whole:
             falloff=field.falloff,
             is_mean=field.normalization == "threshold",
             base=field.base,
+            box=field.domain,
         )
 
     def depths(self, camera: Camera, widening: float = 0.0) -> tuple[float, float]:

@@ -40,7 +40,7 @@ _KERNELS = ("radius", "falloff", "normalization", "w0", "prefilter")
 # The own options of fields by their kind.
 _KINDS = {
     "RegularField": ("spacing", "axes", "origin", "lattice", *_KERNELS, "nan", "boundary", "base"),
-    "EllipsoidField": ("normalization", "w0", "falloff", "min_scale", "base"),
+    "EllipsoidField": ("normalization", "w0", "falloff", "min_scale", "base", "periodic"),
 }
 # Options of volumes in pictures that were made before volumes had any of them.
 _BEFORE = {"boundary": "zero", "base": 0.0}

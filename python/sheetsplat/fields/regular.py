@@ -14,13 +14,12 @@ from sheetsplat._checks import Bounds, Triple, Vector, as_array, choice, number,
 from sheetsplat._properties import Forwarded
 from sheetsplat.errors import complain
 from sheetsplat.fields import ending
-from sheetsplat.fields.base import NOT_OPENED, Field, Normalization
+from sheetsplat.fields.base import NOT_OPENED, Field, NanPolicy, Normalization
 from sheetsplat.fields.samples import ArraySamples, Samples
 from sheetsplat.fields.trim import Trim
 from sheetsplat.quantity import Quantity
 
 Lattice = Literal["cartesian", "bcc"]
-NanPolicy = Literal["error", "skip"]
 Boundary = Literal["edge", "zero"]
 
 BOUNDARIES: tuple[str, ...] = get_args(Boundary)
@@ -457,10 +456,9 @@ class RegularField(Field):
     @property
     def domain(self) -> Bounds | None:
         """World-aligned box around where the volume ends, its lower and its upper corner; None: it ends nowhere."""
-        if self._axes is not None:
-            return ending.domain(self.shape, self._lattice, self._boundary, self._spacing, self._origin, self._axes)
-        lower, upper = self.native.domain
-        return (lower, upper) if all(a <= b for a, b in zip(lower, upper, strict=True)) else None
+        if self._axes is None:
+            return super().domain
+        return ending.domain(self.shape, self._lattice, self._boundary, self._spacing, self._origin, self._axes)
 
     @property
     def kernels_at_a_point(self) -> float:
@@ -480,15 +478,11 @@ class RegularField(Field):
 
     def inside(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which points (M, 3) lie in the volume's domain, (M,)."""
-        box = self.domain
-        if box is None:
+        if self._axes is None or self.domain is None:
             return super().inside(points)
-        if self._axes is not None:
-            places = (points - self._origin) @ np.linalg.inv(self._axes) + ending.DOMAIN
-            within: NDArray[np.bool_] = np.all((places >= 0.0) & (places <= self.shape[::-1]), axis=1)
-            return within
-        found: NDArray[np.bool_] = np.all((points >= box[0]) & (points <= box[1]), axis=1)
-        return found
+        places = (points - self._origin) @ np.linalg.inv(self._axes) + ending.DOMAIN
+        within: NDArray[np.bool_] = np.all((places >= 0.0) & (places <= self.shape[::-1]), axis=1)
+        return within
 
     @property
     def _least_divisor(self) -> float | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +15,11 @@ from numpy.typing import NDArray
 from sheetsplat import _memory
 from sheetsplat._checks import shown
 from sheetsplat.errors import Error, Words, complain, option_ref
-from sheetsplat.io.records import Floats
 
 #: A file, or the name of data in memory, for messages.
 Where = Path | str
 _MOST_NAMES = 60
 _LONGEST_TEXT = 200
-# Rows of a table that are looked at between two answers to Ctrl-C.
-_PIECE = 1 << 18
 
 
 def unreadable(
@@ -104,49 +101,6 @@ def listed(names: Sequence[str]) -> str:
 def require_rows(path: Where, count: int, columns: int = 8) -> None:
     """Raise OutOfMemory unless `count` rows of that many float64 fit."""
     _memory.require(count * columns * 8, f"{count} points of {path}")
-
-
-def pieces(count: int) -> Iterator[slice]:
-    """Yield the rows of a table in pieces, between which Ctrl-C is answered."""
-    for first in range(0, count, _PIECE):
-        yield slice(first, min(first + _PIECE, count))
-
-
-def _not_finite(rows: Floats) -> tuple[int, int]:
-    """Return how many rows are not finite, and the first one."""
-    wrong, first = 0, 0
-    for piece in pieces(len(rows)):
-        part = rows[piece]
-        if not np.isfinite(part).all():
-            bad = ~np.isfinite(part.reshape(len(part), -1)).all(axis=1)
-            first = first if wrong else piece.start + int(np.argmax(bad))
-            wrong += int(bad.sum())
-    return wrong, first
-
-
-def finite_points(path: Where, points: Floats) -> Floats:
-    """Return the points, or InvalidInput that names the first one that is not finite."""
-    wrong, first = _not_finite(points)
-    if wrong:
-        where = ", ".join(f"{part:g}" for part in points[first])
-        raise unreadable(
-            path, f"{wrong} positions that are not finite, the first at {first}: ({where})", "finite numbers"
-        )
-    return points
-
-
-def finite_values(path: Where, scalar: str, values: Floats, why: str = "", advice: str | Words = "") -> Floats:
-    """Return the values, or InvalidInput that names the first one that is not finite."""
-    wrong, first = _not_finite(values)
-    if wrong:
-        found = f"{wrong} of {values.size} values not finite, the first at {first}: {values[first]:g}"
-        raise complain(
-            f"the scalar {scalar!r} of {path} cannot be used",
-            found + (f" ({why})" if why else ""),
-            "finite numbers",
-            advice or "choose another scalar",
-        )
-    return values
 
 
 def checked_shape(path: Where, sizes: object, what: str) -> tuple[int, ...]:

@@ -123,6 +123,10 @@ def _is_vtk_image(source: Source) -> bool:
     return _vtk_kind(source).removeprefix("P") in ("ImageData", "RectilinearGrid")
 
 
+def _is_amr(source: Source) -> bool:
+    return _vtk_kind(source) == "vtkOverlappingAMR"
+
+
 def names_blocks(source: Source) -> bool:
     """Return whether a file is one of blocks or a time series of VTK."""
     return _vtk_kind(source) in ("vtkMultiBlockDataSet", "Collection")
@@ -289,6 +293,7 @@ FORMATS: tuple[Format, ...] = (
             "name", "resample", "step", parts=True, steps="vtk_xml.blocks:steps"),
     _scattered("vtm", "vtk_xml.blocks:read", ".vtm and .pvd of meshes (FILE.vtm:/block)", _is_of_blocks(scattered=True),
                "scalar", "step", parts=True, steps="vtk_xml.blocks:steps"),
+    _scattered("vtk amr", "vtk_xml.amr:read", ".vthb", _is_amr, "scalar"),
     _scattered("vtk", "vtk_xml.meshes:read", ".vtu, .vts, .vtp, .pvtu, .pvts, .pvtp", _is_vtk_xml, "scalar"),
     _volume("vtk legacy image", "vtk_legacy:read_volume", ".vtk of images and rectilinear grids", _is_legacy("volume"),
             "name", "resample"),

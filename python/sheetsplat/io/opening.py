@@ -16,7 +16,7 @@ from numpy.typing import DTypeLike
 from sheetsplat import _memory
 from sheetsplat._checks import is_off, shown
 from sheetsplat.errors import complain, option_refs
-from sheetsplat.fields import EllipsoidField, RegularField
+from sheetsplat.fields import EllipsoidField, NanPolicy, RegularField
 from sheetsplat.io.axes import placement, settled, tell_units
 from sheetsplat.io.checks import Where, printable, unreadable
 from sheetsplat.io.formats import FORMATS, SCATTERED, Format, find_format, format_of
@@ -26,16 +26,16 @@ from sheetsplat.io.source import opened
 
 # Options of regular volumes alone, and of scattered data alone.
 REGULAR = (
-    *("shape", "dtype", "offset", "name", "resample", "spacing", "origin", "lattice", "radius", "prefilter", "nan"),
+    *("shape", "dtype", "offset", "name", "resample", "spacing", "origin", "lattice", "radius", "prefilter"),
     *("boundary", "axes"),
 )
-SCATTERED_ONLY = ("grid", "particles", "support", "fit", "neighbors", "min_scale")
-_POINTS = ("grid", "scalar", "particles", "support", "step")
-_ELLIPSOIDS = ("fit", "neighbors", "normalization", "w0", "falloff", "min_scale", "base")
+SCATTERED_ONLY = ("grid", "particles", "support", "fit", "neighbors", "min_scale", "periodic")
+_POINTS = ("grid", "scalar", "particles", "support", "step", "nan")
+_ELLIPSOIDS = ("fit", "neighbors", "normalization", "w0", "falloff", "min_scale", "base", "periodic")
 _SAMPLES = ("lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan", "boundary", "base")
 _RAW = ("shape", "dtype", "offset", "name", "resample", "step")
 #: Options that say how data are read.
-READING = (*_RAW, *_POINTS)
+READING = (*_RAW, *(name for name in _POINTS if name != "nan"))
 # The number in a header is not trusted.
 _MOST_STEPS = 100_000
 
@@ -110,6 +110,7 @@ def read_scattered(
     particles: str | None = None,
     support: float | None = None,
     step: int | None = None,
+    nan: NanPolicy = "error",
 ) -> Scattered:
     r"""Read scattered data; the format is found by content, then by suffix, and gzipped files are decompressed.
 
@@ -127,11 +128,15 @@ def read_scattered(
         For HDF5: radius of the kernels' supports in smoothing lengths; found by the densities unless given.
     step
         The time step to take of a file with several, from 0 on.
+    nan
+        What a row is whose position, scalar, size, rotation or weight is not finite: "error", or "skip", which leaves
+        it out, with a `PictureWarning`.
 
     Raises
     ------
     InvalidInput
-        For files that are damaged or hold something else, and options that do not belong to their format.
+        For files that are damaged or hold something else, for numbers that are not finite unless these rows are left
+        out, and options that do not belong to their format.
     OutOfMemory
         Where the numbers do not fit.
     Error
@@ -149,10 +154,9 @@ def read_scattered(
         raise unreadable(Path(path), f"a file of format {found.name}", "scattered data: " + ", ".join(SCATTERED))
     options = given(grid=grid, scalar=scalar, particles=particles, support=support, step=step)
     _refuse_others(path, found, options)
-    # Numbers that are not finite are errors of the readers.
     with opened(path) as source, np.errstate(all="ignore"):
         data: Scattered = found.read(source, **options)
-        return data
+        return data.usable(path, nan)
 
 
 def _refuse(path: Where | os.PathLike[str], options: Mapping[str, Any], names: Iterable[str], what: str) -> None:

@@ -81,7 +81,7 @@ def _of_file(path: Path, file: Any, particles: str | None) -> Motion:
         raise unreadable(path, f"{group.name}/{names[1]} of shape {velocities.shape}", "(N, 3)")
     cosmology = [next(_numbers(homes, known), 0.0) for known in (_MATTER, _LAMBDA)]
     if "a" in told and told.get("h", 0.0) > 0.0 and cosmology[0] > 0.0:
-        units = group.dimension(group.place, told), group.dimension(names[1], told)
+        units = group.unit(group.place, told), group.unit(names[1], told)
         if units[0] is None or units[1] is None:
             raise unreadable(path, "a cosmological run without units of length and velocity", "both, in its header")
         a, h = told["a"], told["h"]

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _memory
-from sheetsplat._checks import Triple
+from sheetsplat._checks import Bounds, Triple
+from sheetsplat._rows import usable_rows
 from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Quantity
 
 Floats = NDArray[np.float64]
+# Columns of sizes; a record has one of them.
+_SIZES = ("supports", "deviations", "scales")
 
 
 # Scaled samples are float32 where these round to less than 1/256 of a step of what is stored, and whole where all
@@ -141,7 +144,7 @@ class Scattered:
     points
         World positions, (N, 3).
     values
-        The chosen scalar, (N,); finite.
+        The chosen scalar, (N,).
     scalar
         Its name.
     scalars
@@ -173,6 +176,10 @@ class Scattered:
         Which way up they are; None where the format does not say.
     unit, length_unit
         Of the values and of the positions, for figures.
+    why
+        Why values may be NaN, for messages.
+    periodic
+        The box in which they wrap, as for `EllipsoidField`; None: they do not.
     """
 
     points: Floats
@@ -198,8 +205,28 @@ class Scattered:
     orientation: Orientation | None = None
     unit: str = ""
     length_unit: str = ""
+    why: str = ""
+    periodic: Bounds | None = None
+
+    def usable(self, where: object, nan: str = "error") -> Scattered:
+        """Return the rows whose numbers are finite, and the cells of them; see `usable_rows`, which raises."""
+        sizes = next((name for name in _SIZES if getattr(self, name) is not None), "supports")
+        told = {"points": "position", "values": f"scalar {self.scalar}", sizes: "size", "rotations": "rotation"}
+        told |= {"weights": "weight", "masses": "mass", "densities": "density"}
+        rows = {name: getattr(self, name) for name in told}
+        hints = {told["values"]: (self.why, "choose another scalar" if len(self.scalars) > 1 else "")}
+        kept = usable_rows(str(where), {told[name]: one for name, one in rows.items()}, nan, hints=hints)
+        if kept is None:
+            return self
+        fewer: dict[str, Any] = {name: one[kept] for name, one in rows.items() if one is not None}
+        if self.cells is not None:
+            # A cell needs all of its corners.
+            number = np.cumsum(kept) - 1
+            blocks = [number[block[kept[block].all(axis=1)]] for block in self.cells]
+            fewer["cells"] = tuple(block for block in blocks if len(block)) or None
+        return replace(self, **fewer)
 
     @property
     def has_kernels(self) -> bool:
         """Whether the file has the sizes of kernels."""
-        return any(part is not None for part in (self.supports, self.deviations, self.scales))
+        return any(getattr(self, name) is not None for name in _SIZES)

@@ -298,6 +298,8 @@ class Payload:
     def __init__(self, source: Source, stream: IO[bytes], bound: int | None, *, exact: bool = False) -> None:
         self._source, self._stream, self._bound, self._exact = source, stream, bound, exact
         self.surplus = False
+        # The byte behind what was read, if there is one.
+        self._ahead = b""
         self._wanted = ""
         self._advice: str | Words = "the file is cut off or its header is wrong; fetch it again"
 
@@ -310,19 +312,24 @@ class Payload:
         if self._bound is not None and count > self._bound:
             raise self._short(count, self._bound, "bytes before the samples", about=not self._exact)
         if self._exact:
-            self._stream.seek(count, os.SEEK_CUR)
-            self._bound = (self._bound or 0) - count
+            self._stream.seek(count - len(self._ahead), os.SEEK_CUR)
+            self._ahead, self._bound = b"", (self._bound or 0) - count
             return
         if count > MOST_SKIPPED:
             wanted = f"at most {MOST_SKIPPED} in a packed file"
             raise complain(f"{self._source.path} cannot be read", f"{count} bytes before the samples", wanted)
         left = count
-        while left > 0 and (piece := self._stream.read(min(left, _CHUNK))):
+        while left > 0 and (piece := self._read(min(left, _CHUNK))):
             left -= len(piece)
         if left > 0:
             raise self._short(count, count - left, "bytes before the samples")
         if self._bound is not None:
             self._bound = max(0, self._bound - count)
+
+    def _read(self, count: int) -> bytes:
+        """Return at most so many bytes, with the one that was read ahead."""
+        ahead, self._ahead = self._ahead[:count], self._ahead[count:]
+        return ahead + self._stream.read(count - len(ahead))
 
     def _short(self, wanted: int, found: int, what: str, *, about: bool = False) -> Error:
         return complain(
@@ -341,7 +348,7 @@ class Payload:
             raise complain(what, "packed samples", wanted, "unpack them first", kind=Unsupported)
         if self._bound is not None and needed > self._bound:
             raise self._short(needed, self._bound, "samples")
-        return StoredSamples.dense(self._source.path, dtype, (count,), self._stream.tell())
+        return StoredSamples.dense(self._source.path, dtype, (count,), self._stream.tell() - len(self._ahead))
 
     def array(self, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
         """Return `count` values. InvalidInput where the file has fewer, OutOfMemory where they do not fit."""
@@ -354,11 +361,13 @@ class Payload:
         values = np.empty(count, dtype)
         view = memoryview(values.view(np.uint8).data) if count else memoryview(b"")
         filled = 0
-        while piece := self._stream.read(min(_CHUNK, needed - filled)):
+        while piece := self._read(min(_CHUNK, needed - filled)):
             view[filled : filled + len(piece)] = piece
             filled += len(piece)
         if filled < needed:
             raise self._short(needed, filled, "samples")
         # Reading to the end of a packed stream compares its checksum.
-        self.surplus = bool(self._stream.read(1))
+        self._ahead = self._ahead or self._stream.read(1)
+        self.surplus = bool(self._ahead)
+        self._bound = None if self._bound is None else max(0, self._bound - needed)
         return values

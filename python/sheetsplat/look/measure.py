@@ -31,10 +31,7 @@ _PER_CELL = 4.0
 
 def with_values(field: EllipsoidField, values: Floats, **changes: Any) -> EllipsoidField:
     """Return a field of the same kernels with other values, (N,), and some options changed."""
-    names = ("weights", "normalization", "w0", "falloff", "min_scale", "cell_volume", "base")
-    options: Any = {name: getattr(field, name) for name in names} | changes
-    made = EllipsoidField(field.centers, field.scales, field.rotations, values, **options)
-    return made.weighted_by(field.weighting)
+    return field.with_rows(field.centers, field.scales, field.rotations, values, field.weights, **changes)
 
 
 @dataclass(frozen=True)

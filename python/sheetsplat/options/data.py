@@ -104,7 +104,9 @@ class KernelOptions(TypedDict, total=False):
     nan: Annotated[
         NanPolicy | None,
         Option(
-            'Volumes: what to do with NaN samples; "skip" leaves their kernels out.', unset=value_text(_VOLUME["nan"])
+            'What to do with NaN samples, and with scattered data whose numbers are not finite; "skip" leaves their '
+            "kernels out.",
+            unset=value_text(_VOLUME["nan"]),
         ),
     ]
     boundary: Annotated[
@@ -256,6 +258,16 @@ class FileOptions(TypedDict, total=False):
     ]
     min_scale: Annotated[
         float | None, Option("Scattered data: raise smaller semi-axes to this length, world units.", value=POSITIVE)
+    ]
+    periodic: Annotated[
+        tuple[Vector, Vector] | None,
+        Option(
+            "Scattered data: the box in which kernels wrap, outside of which nothing is. An axis with two equal ends "
+            "does not wrap.",
+            unset="the box of the file, if it has one and all its particles lie in it",
+            accepts="two corners",
+            value=Numbers("X0,Y0,Z0,X1,Y1,Z1", 6),
+        ),
     ]
 
 

@@ -6,13 +6,14 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetsplat._checks import Bounds, triple
 from sheetsplat.camera import Camera
-from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, RegularField
+from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Field, RegularField
 from sheetsplat.fields.ending import heights, layer_counts
 from sheetsplat.look.visible import camera_axes, corners_of, depths_of
 from sheetsplat.modes import TRAITS
@@ -235,8 +236,8 @@ def samples_for_ends(scene: Scene, camera: Camera, size: tuple[int, int]) -> int
         return 1
     count = 1
     for one in scene.fields:
-        box = one.domain if isinstance(one, RegularField) else None
-        jump = 0.0 if box is None else _jump(cast(RegularField, one))
+        box = _end_of(one)
+        jump = 0.0 if box is None else _jump(one)
         if box is None or jump == 0.0:
             continue
         corners = corners_of(box)
@@ -258,20 +259,34 @@ def slices_for_ends(scene: Scene, camera: Camera) -> float | None:
         return None
     wanted, back = scene.slice_spacing, camera_axes(camera)[2]
     for one in scene.fields:
-        if not isinstance(one, RegularField) or one.domain is None:
+        box = _end_of(one)
+        if box is None:
             continue
-        layer, normals = heights(one.steps)
+        lengths, normals = np.subtract(box[1], box[0]), np.eye(3)
+        if isinstance(one, RegularField):
+            layer, normals = heights(one.steps)
+            lengths = layer * layer_counts(one.shape, one.lattice)
         along = np.flatnonzero(np.abs(normals @ back) > _ALONG)
         if along.size and _jump(one) > _JUMP:
-            length = layer_counts(one.shape, one.lattice)[along[0]] * layer[along[0]]
+            length = float(lengths[along[0]])
             wanted = min(wanted, length / max(2 * math.ceil(0.5 * length / wanted * (1.0 - 1e-9)), _FEWEST_SLICES))
     return None if math.isclose(wanted, scene.slice_spacing, rel_tol=1e-9) else wanted
 
 
-def _jump(field: RegularField) -> float:
-    """Return by how much values jump where a volume ends, over their mean: magnitudes, at samples that may be some."""
-    if not field.size:
-        return 0.0
+def _end_of(field: Field) -> Bounds | None:
+    """Return the box that a field fills to its ends; None where it ends nowhere."""
+    box = field.domain if field.size else None
+    if box is None:
+        return None
+    lower, upper = np.where(np.isfinite(box), box, field.bounds)
+    return triple("end", lower), triple("end", upper)
+
+
+def _jump(field: Field) -> float:
+    """Return by how much values jump where a field ends, over their mean: magnitudes, at samples that may be some."""
+    if not isinstance(field, RegularField):
+        # In a periodic box they are at the faces what they are elsewhere.
+        return 1.0
     coarse = np.abs(field.samples.on_grid(field.samples.steps).astype(np.float64))
     values = coarse if isinstance(field, BrickedField) else field.values
     mean = float(np.nanmean(coarse)) if np.isfinite(coarse).any() else 0.0

@@ -111,6 +111,11 @@ TEST(Scene, clipping_has_a_meaning) {
     }
 }
 
+TEST(Scene, faces_of_a_clip_box_at_infinity_cut_nothing) {
+    const Clip open{{}, Box{Vec3(-infinity, 0.0, -infinity), Vec3(infinity, 1.0, 2.0)}};
+    EXPECT_EQ(open.half_spaces().size(), 3u);
+}
+
 TEST(Scene, depth_limits_are_depths_of_a_picture) {
     const DepthLimit limit({2, 1}, {3.0, infinity});
     EXPECT_EQ(limit.at(0, 0), 3.0);

@@ -111,16 +111,11 @@ def _frames_of(header: Any) -> int:
     return min(max(int(header.get("NumberOfFrames") or 1), 1), _MOST_FRAMES)
 
 
-def _places(file: Path, header: Any, normal: Floats) -> list[Floats]:
-    """Return where the frames lie: each by its own position, or all by the first one and their distances."""
+def _places(file: Path, header: Any, first: Floats, normal: Floats) -> Floats:
+    """Return where the frames of a file lie that have no groups of their own: by the first one and their distances."""
     frames = _frames_of(header)
-    own = [_item(header, frame, "PlanePositionSequence") for frame in range(frames)]
-    told = [one.get("ImagePositionPatient") for one in own]
-    if any(place is None for place in told):
-        return []
-    places = [np.array(floats(file, "ImagePositionPatient", place, 3)) for place in told]
-    if frames == 1 or own[0] is not header:
-        return places
+    if frames == 1:
+        return first[None]
     offsets, step = header.get("GridFrameOffsetVector"), header.get("SpacingBetweenSlices")
     if offsets is not None:
         # They count from the first frame, or are the coordinates of the frames: what lies between is the same.
@@ -130,7 +125,8 @@ def _places(file: Path, header: Any, normal: Floats) -> list[Floats]:
     else:
         wanted = "the distances of frames, GridFrameOffsetVector or SpacingBetweenSlices"
         raise unreadable(file, f"{frames} frames with one position", wanted)
-    return list(places[0] + (along - along[0])[:, None] * normal)
+    found: Floats = first + (along - along[0])[:, None] * normal
+    return found
 
 
 def _packing(file: Path, header: Any, frame: int) -> Packing:
@@ -154,26 +150,45 @@ def _order(header: Any, frame: int) -> tuple[float, ...]:
     return tuple(found)
 
 
+def _slice_of(file: Path, header: Any, frame: int) -> _Slice | None:
+    """Return a frame as a slice; None where it has no place."""
+    place = _item(header, frame, "PlanePositionSequence").get("ImagePositionPatient")
+    facing = _item(header, frame, "PlaneOrientationSequence").get("ImageOrientationPatient")
+    if place is None or facing is None:
+        return None
+    # The first three numbers are the direction of a row, along which columns count.
+    turned = np.array(floats(file, "ImageOrientationPatient", facing, 6))
+    pixel = floats(file, "PixelSpacing", _item(header, frame, "PixelMeasuresSequence").get("PixelSpacing"), 2)
+    if min(pixel) <= 0:
+        raise unreadable(file, f"PixelSpacing {pixel}", "two numbers above 0")
+    return _Slice(
+        file,
+        frame,
+        np.array(floats(file, "ImagePositionPatient", place, 3)),
+        turned[:3],
+        turned[3:],
+        (pixel[1], pixel[0]),
+        _packing(file, header, frame),
+        _order(header, frame),
+    )
+
+
 def _slices_of(file: Path, header: Any) -> list[_Slice]:
     """Return the slices of a file; none where it has no pixels or no place."""
     if header.get("Rows") is None or header.get("Columns") is None:
         return []
-    found: list[_Slice] = []
-    for frame in range(_frames_of(header)):
-        facing = _item(header, frame, "PlaneOrientationSequence").get("ImageOrientationPatient")
-        if facing is None:
-            return []
-        measures = _item(header, frame, "PixelMeasuresSequence")
-        # The first three numbers are the direction of a row, along which columns count.
-        turned = np.array(floats(file, "ImageOrientationPatient", facing, 6))
-        pixel = floats(file, "PixelSpacing", measures.get("PixelSpacing"), 2)
-        if min(pixel) <= 0:
-            raise unreadable(file, f"PixelSpacing {pixel}", "two numbers above 0")
-        packing, order = _packing(file, header, frame), _order(header, frame)
-        size = (pixel[1], pixel[0])
-        found.append(_Slice(file, frame, np.zeros(3), turned[:3], turned[3:], size, packing, order))
-    places = _places(file, header, found[0].normal)
-    return [replace(one, place=place) for one, place in zip(found, places, strict=False)]
+    frames, groups = _frames_of(header), len(header.get("PerFrameFunctionalGroupsSequence") or ())
+    if groups and groups != frames:
+        raise unreadable(file, f"{frames} frames with {groups} groups", "a group for each frame")
+    found = [_slice_of(file, header, frame) for frame in range(groups or 1)]
+    slices = [one for one in found if one is not None]
+    if len(slices) < len(found):
+        return []
+    if groups:
+        return slices
+    first = slices[0]
+    places = _places(file, header, first.place, first.normal)
+    return [replace(first, frame=at, place=place, order=(*first.order, at)) for at, place in enumerate(places)]
 
 
 def _series(where: Where, headers: dict[Path, Any], chosen: str | None) -> list[Path]:
@@ -197,7 +212,7 @@ def _series(where: Where, headers: dict[Path, Any], chosen: str | None) -> list[
 
 def _steps_of(slices: list[_Slice]) -> list[list[_Slice]]:
     """Return the slices of each time step: as many slices lie at each place as there are steps, else one step."""
-    along = np.array([one.place @ slices[0].normal for one in slices])
+    along = np.array([one.place for one in slices]) @ slices[0].normal
     order = np.argsort(along, kind="stable")
     gaps = np.diff(along[order])
     ends = np.flatnonzero(gaps > _SAME * gaps.max(initial=0.0)) + 1
@@ -212,12 +227,16 @@ def _steps_of(slices: list[_Slice]) -> list[list[_Slice]]:
 def _ordered(where: Where, slices: list[_Slice]) -> tuple[list[_Slice], Floats]:
     """Return slices by their positions and the step from one to the next; InvalidInput for missing and doubled ones."""
     first = slices[0]
-    for one in slices:
-        if np.abs([*(one.rows - first.rows), *(one.columns - first.columns)]).max() > _TURNED:
-            raise unreadable(where, f"{one.file.name} turned against {first.file.name}", "parallel slices")
-        if one.pixel != first.pixel:
-            raise unreadable(where, f"pixels of {one.pixel} in {one.file.name}", f"{first.pixel}, as {first.file.name}")
-    heights = np.array([one.place @ first.normal for one in slices])
+    turns = np.array([(one.rows, one.columns) for one in slices]) - (first.rows, first.columns)
+    turned = np.flatnonzero(np.abs(turns).max(axis=(1, 2)) > _TURNED)
+    if turned.size:
+        found = f"{slices[turned[0]].file.name} turned against {first.file.name}"
+        raise unreadable(where, found, "parallel slices")
+    other = next((one for one in slices if one.pixel != first.pixel), None)
+    if other is not None:
+        found = f"pixels of {other.pixel} in {other.file.name}"
+        raise unreadable(where, found, f"{first.pixel}, as {first.file.name}")
+    heights = np.array([one.place for one in slices]) @ first.normal
     order = np.argsort(heights, kind="stable")
     slices, heights = [slices[at] for at in order], heights[order]
     if len(slices) < 2:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import gzip
 import json
+import time
 
 import numpy as np
 import pytest
-from test_data_formats import VALUES, dicom, needed, nifti, picture, tiff, zarr_array
+from test_data_formats import VALUES, dicom, item, needed, nifti, picture, tiff, zarr_array
 
 import sheetsplat as ss
 from sheetsplat import io
@@ -206,6 +207,23 @@ def test_doses_and_frames_at_even_distances(tmp_path):
     assert ss.open(dicom(tmp_path / "frames", order=[0], change=spaced)).spacing == (0.5, 0.75, 3)
     with pytest.raises(ss.InvalidInput, match="GridFrameOffsetVector or SpacingBetweenSlices"):
         ss.open(dicom(tmp_path / "none", order=[0], change=neither))
+
+
+def test_frames_that_are_not_there_are_refused_soon(tmp_path):
+    """100,000 frames of a file of 2 KB took 18 s, as each was looked up by itself."""
+
+    def many(data, _):
+        data.NumberOfFrames, data.SpacingBetweenSlices = 10**5, 1
+
+    def few_groups(data, _):
+        data.NumberOfFrames, data.PixelData = 4, VALUES.tobytes()
+        data.PerFrameFunctionalGroupsSequence = [item(PlanePositionSequence=[item(ImagePositionPatient=[0, 0, 0])])] * 3
+
+    started = time.process_time()
+    for number, (change, text) in enumerate(((many, "pixel data is less"), (few_groups, "4 frames with 3 groups"))):
+        with pytest.raises(ss.InvalidInput, match=text):
+            ss.open(dicom(tmp_path / str(number), order=[0], change=change))
+    assert time.process_time() - started < 12
 
 
 def bare_dicom(folder, older=False):

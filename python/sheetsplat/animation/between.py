@@ -26,6 +26,8 @@ Floats = NDArray[np.float64]
 class Snapshot:
     """Particles at a time, with their numbers and velocities: what frames between two of them are made of.
 
+    Where the field has a periodic box, particles go through its nearer side.
+
     Parameters
     ----------
     field
@@ -36,8 +38,6 @@ class Snapshot:
         (N, 3), world units in a unit of time.
     time
         When it is, in that unit.
-
-    Where the field has a periodic box, particles go through its nearer side.
 
     Raises
     ------

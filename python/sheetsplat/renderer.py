@@ -24,6 +24,7 @@ from sheetsplat.fields import any_in_bricks
 from sheetsplat.image import ErrorEstimate, Image, image_of
 from sheetsplat.limits import Depths, checked_depths
 from sheetsplat.look import empty
+from sheetsplat.look.weighted import mean_of
 from sheetsplat.notices import is_muted, muted, warn
 from sheetsplat.options.core import checked, definitions, documented, filled
 from sheetsplat.options.renderer import OUTPUTS, Output, Progress, RendererClassOptions, RendererKeywords, check_backend
@@ -32,7 +33,6 @@ from sheetsplat.quality.lost import keeping, warn_of_lost, with_lost
 from sheetsplat.quality.thin import LEAST_UNMET, may_be_flat, unmet_kernels
 from sheetsplat.scene import Scene
 from sheetsplat.supersampling import averaged, counting_samples, fine_depths, fine_size
-from sheetsplat.weighted import mean_of
 
 _log = logging.getLogger("sheetsplat")
 

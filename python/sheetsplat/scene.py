@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import Bounds, Triple
-from sheetsplat.errors import Unsupported, complain, option_ref
+from sheetsplat.errors import Unsupported, complain, option_ref, unusable
 from sheetsplat.fields import BrickedKernels, Field, as_fields, default_spacing, joined_bounds
 from sheetsplat.light import Light, Material
+from sheetsplat.look.weighted import SUMS, is_weighted, sums_of
 from sheetsplat.modes import TRAITS
 from sheetsplat.options.core import check_names, checked, documented
 from sheetsplat.options.scene import IsoValue, SceneOptions, surfaces_of
@@ -21,7 +22,6 @@ from sheetsplat.plan import PictureQuality
 from sheetsplat.quantity import notes_of
 from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.transfer import TransferFunction
-from sheetsplat.weighted import SUMS, is_weighted, sums_of
 
 # A transfer function, or its points.
 Look = TransferFunction | Sequence[Sequence[float]] | NDArray[Any]
@@ -142,6 +142,9 @@ class Scene:
             self._native = self._made()
 
     def _made(self) -> _sheetsplat.Scene:
+        if self._options["clip"].sphere and (self._options["shadows"] or self._options["ambient_occlusion"]):
+            found = "a sphere, with shadows or ambient occlusion"
+            raise complain(unusable("Scene: clip"), found, "planes and a box with them", option="clip")
         if TRAITS[self.mode].adds and self.notes:
             raise complain(
                 f"Scene: mode {self.mode} cannot be used",

@@ -106,7 +106,8 @@ ErrorEstimate estimate_error(const ErrorPictures& probes, Mode mode, bool preint
     const Image& exact = probes.exact != nullptr ? *probes.exact : drawn;
     const Image& unstopped = probes.unstopped != nullptr ? *probes.unstopped : exact;
     const double usual = richardson_share(mode, preintegration);
-    const double share = probes.doubled == nullptr
+    // Errors of surfaces are jumps of few pixels, whose steps tell nothing about each other.
+    const double share = probes.doubled == nullptr || shows_surfaces(mode)
                              ? usual
                              : std::min(usual, approach(*probes.doubled, unstopped, *probes.halved).share());
     const double scale = scale_of(*probes.halved);

@@ -19,6 +19,7 @@ from sheetsplat.look import automatic
 from sheetsplat.look.histogram import Look
 from sheetsplat.look.strays import COARSE, kernel_spacing
 from sheetsplat.look.surface import surface_limits
+from sheetsplat.look.weighted import is_weighted, sums_of
 from sheetsplat.modes import TRAITS
 from sheetsplat.notices import warn
 from sheetsplat.options.core import COLORED, COMPOSITE, MODES, SURFACES, check_names, pick_given
@@ -28,7 +29,6 @@ from sheetsplat.options.scene import SceneOptions, iso_value_of
 from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
-from sheetsplat.weighted import is_weighted, sums_of
 
 # Percentiles of coordinates between which most centres lie, and the share of the whole extent below which the others
 # are far away.

@@ -67,8 +67,11 @@ def supersampling(scene: Scene, asked: Asked, camera: Camera, size: Size, lit: D
     if not TRAITS[scene.mode].adds or not asked.level.filters:
         return lit
     most = min(MOST_SAMPLES, max(1, _MOST_FINE // max(size)))
-    ends = min(samples_for_ends(scene, camera, size), most)
-    count, reason = _samples_for_means(scene, asked, camera, size, ends, most), "values jump where a volume ends"
+    ends = min(samples_for_ends(scene, camera, size, cuts=True), most)
+    count, reason = (
+        _samples_for_means(scene, asked, camera, size, ends, most),
+        "values jump where a volume ends, or a box cuts",
+    )
     if count > ends:
         reason = "what sums along rays add up is finer than a pixel"
     return (

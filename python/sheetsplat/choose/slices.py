@@ -70,7 +70,7 @@ def slice_spacing(
     if seen is not None and has_lit_kernels(scene):
         return _fewer(scene, level, seen, decided)
     if seen is not None and level.filters and (whole := slices_for_ends(scene, seen[0])) is not None:
-        reason = "whole slabs of the volume, so that an x-ray has its mass"
+        reason = "whole slabs of the volume, or of a box that cuts, so that an x-ray has its mass"
         return Decision("slice_spacing", whole, reason, "quality")
     return decided
 

@@ -65,11 +65,12 @@ def _look(options: dict[str, Any]) -> dict[str, Any]:
         if source is ParameterSource.COMMANDLINE and not options["preintegration"]:
             raise click.UsageError("--second-order is a kind of pre-integration; leave out --no-preintegration")
         look["preintegration"] = "second_order"
-    if options["clip_planes"] or options["clip_box"]:
-        box = options["clip_box"]
+    if options["clip_planes"] or options["clip_box"] or options["clip_sphere"]:
+        box, sphere = options["clip_box"], options["clip_sphere"]
         look["clip"] = Clip(
             planes=[(plane[:3], plane[3]) for plane in options["clip_planes"]],
             box=None if box is None else (box[:3], box[3:]),
+            sphere=None if sphere is None else (sphere[:3], sphere[3]),
         )
     if isinstance(options["ambient_occlusion"], tuple):
         look["ambient_occlusion"] = AmbientOcclusion(*options["ambient_occlusion"])

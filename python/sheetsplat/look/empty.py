@@ -104,7 +104,7 @@ def why_empty(
             )
     if hidden:
         return "perhaps the surface whose depths were given as depth_limit hides all that there is"
-    if scene.options["clip"].planes or scene.options["clip"].box is not None:
+    if scene.options["clip"].planes or scene.options["clip"].region is not None:
         return "perhaps the clip cuts off all that there is, or the camera looks past the field"
     if scene.options["filter"] == "ewa":
         return "perhaps the filter lowers all values to where the opacity is 0, or the camera looks past the field"

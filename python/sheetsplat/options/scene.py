@@ -336,6 +336,12 @@ class EffectOptions(TypedDict, total=False):
                     Numbers("X0,Y0,Z0,X1,Y1,Z1", 6),
                     "Keep the box between two corners, the lower one first, world units.",
                 ),
+                CommandLine(
+                    "--clip-sphere",
+                    "clip_sphere",
+                    Numbers("X,Y,Z,RADIUS", 4),
+                    "Keep the sphere around a point, world units.",
+                ),
             ),
         ),
     ]

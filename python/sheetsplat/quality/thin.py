@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sheetsplat._checks import Bounds, triple
 from sheetsplat.camera import Camera
 from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Field, RegularField
-from sheetsplat.fields.ending import heights, layer_counts
+from sheetsplat.fields.ending import DOMAIN, heights
 from sheetsplat.look.visible import camera_axes, corners_of, depths_of
 from sheetsplat.modes import TRAITS
 from sheetsplat.scene import Scene
@@ -48,6 +48,8 @@ _JUMP = 1e-2
 # A view is along an axis of the world whose part in its direction is above this; a volume has so many slices at least.
 _ALONG = 1.0 - 1e-6
 _FEWEST_SLICES = 4
+# Samples across the box of a clip, and slices in it seen along an axis: what it cuts counts to a thousandth.
+_ACROSS_CUTS, _SLICES_OF_CUTS, _SLICES_OF_REGIONS = 1600.0, 512, 128
 _FACES = ([0, -1], (slice(None), [0, -1]), (slice(None), slice(None), [0, -1]))
 # Pixels and slices on each side of a kernel that are looked at for what it loses; larger ones lose nothing that way.
 _NEIGHBOURS = 4
@@ -226,8 +228,10 @@ def coarse_lattice(scene: Scene, camera: Camera, size: tuple[int, int], times: f
     return ""
 
 
-def samples_for_ends(scene: Scene, camera: Camera, size: tuple[int, int]) -> int:
-    """Return how many samples a pixel along each axis an x-ray of volumes needs, whose values jump where they end.
+def samples_for_ends(scene: Scene, camera: Camera, size: tuple[int, int], *, cuts: bool = False) -> int:
+    """Return how many samples a pixel along each axis an x-ray needs where volumes end with a jump.
+
+    `cuts`: and where the box of a clip cuts them.
 
     A volume of n pixels has the mass of n + 1/2 of them or of n - 1/2, along each axis, by where its faces lie between
     pixels. 1: one sample is enough.
@@ -235,18 +239,62 @@ def samples_for_ends(scene: Scene, camera: Camera, size: tuple[int, int]) -> int
     if not TRAITS[scene.mode].integrates:
         return 1
     count = 1
-    for one in scene.fields:
-        box = _end_of(one)
-        jump = 0.0 if box is None else _jump(one)
-        if box is None or jump == 0.0:
-            continue
-        corners = corners_of(box)
+    for end in _ends(scene, cuts=cuts):
+        corners = end.corners
         seen = (corners - np.asarray(camera.eye)) @ camera_axes(camera)[:2].T
         if camera.kind == "perspective":
             seen /= np.maximum(depths_of(corners, camera), camera.near)[:, None]
         pixels = np.ptp(seen, axis=0).min() / _pixel(camera, size)
-        count = max(count, math.ceil(_ENOUGH_ACROSS * min(jump, _MOST_JUMP) / max(float(pixels), 1.0)))
+        count = max(count, math.ceil(end.across / max(float(pixels), 1.0)))
     return count
+
+
+@dataclass(frozen=True)
+class _End:
+    """What is shown ends at the faces of a parallelepiped.
+
+    Attributes
+    ----------
+    corners
+        (8, 3), world.
+    normals, lengths
+        Unit normals of its pairs of faces, (3, 3), and their distances, (3,).
+    across, slices
+        Samples across it, and slices in it, that an x-ray needs.
+    """
+
+    corners: Floats
+    normals: Floats
+    lengths: Floats
+    across: float
+    slices: int
+
+    @classmethod
+    def of_box(cls, box: Bounds, across: float, slices: int) -> _End:
+        """Return that of a box along the world's axes."""
+        return cls(corners_of(box), np.eye(3), np.subtract(box[1], box[0]), across, slices)
+
+
+def _ends(scene: Scene, *, cuts: bool = True) -> Iterator[_End]:
+    """Yield where what is shown ends: at the ends of fields, and at a clip."""
+    for one in scene.fields:
+        box = one.domain if one.size else None
+        jump = 0.0 if box is None else _jump(one)
+        if box is None or jump == 0.0:
+            continue
+        needs = _ENOUGH_ACROSS * min(jump, _MOST_JUMP), _FEWEST_SLICES if jump > _JUMP else 0
+        if isinstance(one, RegularField) and one.axes is not None:
+            layer, normals = heights(one.steps)
+            counts = np.array(one.shape[::-1])
+            corners = one.origin + (corners_of(((0.0,) * 3, (1.0,) * 3)) * counts - DOMAIN) @ one.steps
+            yield _End(corners, normals, layer * counts, *needs)
+            continue
+        bounded = np.where(np.isfinite(box), box, one.bounds)
+        yield _End.of_box((triple("end", bounded[0]), triple("end", bounded[1])), *needs)
+    # A clip cuts what it finds. At a sphere's edge pixels and slices are cut by chance, which averages out.
+    clip = scene.options["clip"]
+    if cuts and clip.box is not None and any(one.size for one in scene.fields):
+        yield _End.of_box(clip.box, _ACROSS_CUTS, _SLICES_OF_CUTS)
 
 
 def slices_for_ends(scene: Scene, camera: Camera) -> float | None:
@@ -258,28 +306,16 @@ def slices_for_ends(scene: Scene, camera: Camera) -> float | None:
     if not TRAITS[scene.mode].integrates:
         return None
     wanted, back = scene.slice_spacing, camera_axes(camera)[2]
-    for one in scene.fields:
-        box = _end_of(one)
-        if box is None:
-            continue
-        lengths, normals = np.subtract(box[1], box[0]), np.eye(3)
-        if isinstance(one, RegularField):
-            layer, normals = heights(one.steps)
-            lengths = layer * layer_counts(one.shape, one.lattice)
-        along = np.flatnonzero(np.abs(normals @ back) > _ALONG)
-        if along.size and _jump(one) > _JUMP:
-            length = float(lengths[along[0]])
-            wanted = min(wanted, length / max(2 * math.ceil(0.5 * length / wanted * (1.0 - 1e-9)), _FEWEST_SLICES))
+    region = scene.options["clip"].region
+    if region is not None:
+        # Slices that all rays share cut it in few places, whatever the direction.
+        wanted = min(wanted, float(np.ptp(corners_of(region) @ back)) / _SLICES_OF_REGIONS)
+    for end in _ends(scene):
+        along = np.flatnonzero(np.abs(end.normals @ back) > _ALONG)
+        length = float(end.lengths[along[0]]) if along.size else 0.0
+        if end.slices and length > 0.0:
+            wanted = min(wanted, length / max(2 * math.ceil(0.5 * length / wanted * (1.0 - 1e-9)), end.slices))
     return None if math.isclose(wanted, scene.slice_spacing, rel_tol=1e-9) else wanted
-
-
-def _end_of(field: Field) -> Bounds | None:
-    """Return the box that a field fills to its ends; None where it ends nowhere."""
-    box = field.domain if field.size else None
-    if box is None:
-        return None
-    lower, upper = np.where(np.isfinite(box), box, field.bounds)
-    return triple("end", lower), triple("end", upper)
 
 
 def _jump(field: Field) -> float:

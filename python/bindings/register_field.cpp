@@ -78,13 +78,12 @@ SampleArray to_samples(const py::array& values) {
                                  "uint8, int16, uint16, float32 or float64 in this machine's byte order", ""});
 }
 
-std::shared_ptr<RegularField> make_field(const py::array& values, const Triple& spacing, const Triple& origin,
-                                         const std::string& lattice, double radius, double falloff,
-                                         const std::string& normalization, double w0, const std::string& nan,
-                                         bool prefilter, const std::string& boundary, std::optional<double> base,
-                                         double least_weight, const std::optional<py::array>& coefficients,
-                                         const std::optional<std::map<std::string, double>>& figures,
-                                         const std::optional<std::array<double, 2>>& value_range) {
+std::shared_ptr<RegularField>
+make_field(const py::array& values, const Triple& spacing, const Triple& origin, const std::string& lattice,
+           double radius, double falloff, const std::string& normalization, double w0, const std::string& nan,
+           bool prefilter, const std::string& boundary, std::optional<double> base, double least_weight,
+           const std::optional<py::array>& coefficients, const std::optional<std::map<std::string, double>>& figures,
+           const std::optional<std::array<double, 2>>& value_range, const std::optional<std::array<Triple, 3>>& axes) {
     SampleArray samples = to_samples(values);
     RegularFieldOptions options;
     options.spacing = to_vec3(spacing);
@@ -100,6 +99,9 @@ std::shared_ptr<RegularField> make_field(const py::array& values, const Triple& 
     options.base = base;
     options.least_weight = least_weight;
     options.value_range = value_range;
+    if (axes) {
+        options.axes.emplace(to_vec3((*axes)[0]), to_vec3((*axes)[1]), to_vec3((*axes)[2]));
+    }
     const std::array<std::size_t, 3> shape{static_cast<std::size_t>(values.shape(0)),
                                            static_cast<std::size_t>(values.shape(1)),
                                            static_cast<std::size_t>(values.shape(2))};
@@ -315,7 +317,7 @@ void register_field(py::module_& module) {
         .def_property_readonly("default_slice_spacing", &Field::default_slice_spacing)
         .def_property_readonly("memory", &Field::memory)
         .def_property_readonly("domain",
-                               [](const Field& field) { return to_corners(field.domain_world().value_or(Box{})); })
+                               [](const Field& field) { return to_corners(field.domain().value_or(Box{}).box); })
         .def("sums_at", &arrays_of_sums, py::arg("points"), py::arg("threads") = 0)
         .def(
             "reach_along",
@@ -328,7 +330,7 @@ void register_field(py::module_& module) {
              py::arg("lattice"), py::arg("radius"), py::arg("falloff"), py::arg("normalization"), py::arg("w0"),
              py::arg("nan"), py::arg("prefilter"), py::arg("boundary") = "zero", py::arg("base") = py::none(),
              py::arg("least_weight") = 0.0, py::arg("coefficients").none(true), py::arg("figures").none(true),
-             py::arg("value_range") = py::none())
+             py::arg("value_range") = py::none(), py::arg("axes") = py::none())
         .def_property_readonly("values", &view_samples<false>)
         .def_property_readonly("given_values", &view_samples<true>)
         .def_property_readonly("given_range", &RegularField::given_range)

@@ -53,6 +53,7 @@ class RegularField(Field):
         coefficients: NDArray[Any] | None,
         figures: dict[str, float] | None,
         value_range: tuple[float, float] | None = None,
+        axes: Sequence[Sequence[float]] | None = None,
     ) -> None: ...
     @property
     def values(self) -> NDArray[Any]: ...
@@ -169,6 +170,7 @@ class Scene:
         domain: _Corners | None = None,
         filled: bool = False,
         light: LightVolumes | None = None,
+        to_box: Sequence[Sequence[float]] | None = None,
     ) -> Scene: ...
     @property
     def slice_distance(self) -> float: ...

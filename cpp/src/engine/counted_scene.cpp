@@ -29,9 +29,9 @@ constexpr double farthest_cartesian = 0.8660254037844387, farthest_bcc = 0.79056
 /// A field as one that ends nowhere, which it counts as beside fields that end elsewhere; null where it is one.
 std::shared_ptr<const Field> without_end(const Field& field) {
     if (const RegularField* lattice = as_regular(&field)) {
-        return lattice->domain_world() || lattice->base() != 0.0 ? lattice->without_end() : nullptr;
+        return lattice->domain() || lattice->base() != 0.0 ? lattice->without_end() : nullptr;
     }
-    return field.domain_world() ? as_ellipsoids(&field)->without_end() : nullptr;
+    return field.domain() ? as_ellipsoids(&field)->without_end() : nullptr;
 }
 
 /// Whether kernels reach every point of a lattice's domain, once samples are mirrored.
@@ -93,7 +93,7 @@ std::string CountedFields::why_shown(const Scene& scene, const Camera& camera, S
     std::size_t number = 0;
     for (const Group& group : scene.groups()) {
         const std::size_t own = number++;
-        if (!scene.fields[group.first]->domain_world()) {
+        if (!scene.fields[group.first]->domain()) {
             continue;
         }
         if (as_regular(scene.fields[group.first].get()) == nullptr) {
@@ -105,11 +105,11 @@ std::string CountedFields::why_shown(const Scene& scene, const Camera& camera, S
         const std::shared_ptr<const Field>& field = scene.fields[group.first];
         const RegularField& lattice = *as_regular(field.get());
         const bool bcc = lattice.lattice() == Lattice::bcc;
-        const Vec3 spacing = bcc ? Vec3(0.5 * lattice.options().spacing.x) : lattice.options().spacing;
-        const double nearest = std::min({spacing.x, spacing.y, spacing.z});
+        // Layers across the ends: of BCC lattices two for each edge.
+        const double nearest = lattice.default_slice_spacing();
+        const double radius = lattice.options().radius * (bcc ? std::sqrt(2.0) : 1.0);
         // What mirrored kernels add to reaches a radius into the volume; kernels that reach there, one more.
-        const double layers =
-            2.0 * glm::length(lattice.semi_axes_world() / spacing) + reach_of(scene, lattice, camera, size) / nearest;
+        const double layers = 2.0 * std::sqrt(3.0) * radius + reach_of(scene, lattice, camera, size) / nearest;
         const auto most = static_cast<double>(std::max({lattice.shape()[0], lattice.shape()[1], lattice.shape()[2]}));
         // Rounded up, so that a camera that moves needs no new look at the samples.
         const double wanted = std::min(std::exp2(std::ceil(std::log2(std::max(layers, 1.0)))), most);
@@ -154,12 +154,12 @@ Scene CountedFields::counted(const Scene& scene, const Camera& camera, Size size
     Counted& counted = *drawn.counted;
     counted.clip = scene.clip;
     const std::vector<Group> groups = scene.groups();
-    std::vector<std::optional<Box>> ends;
+    std::vector<std::optional<Parallelepiped>> ends;
     for (const Group& group : groups) {
-        std::optional<Box> end = scene.fields[group.first]->domain_world();
+        std::optional<Parallelepiped> end = scene.fields[group.first]->domain();
         bool differ = false;
         for (std::size_t field = group.first; field < group.last; ++field) {
-            differ = differ || end != scene.fields[field]->domain_world();
+            differ = differ || end != scene.fields[field]->domain();
         }
         double base = 0.0;
         for (std::size_t field = group.first; field < group.last; ++field) {
@@ -185,7 +185,7 @@ Scene CountedFields::counted(const Scene& scene, const Camera& camera, Size size
         }
     }
     bool any = false, differ = false;
-    for (const std::optional<Box>& end : ends) {
+    for (const std::optional<Parallelepiped>& end : ends) {
         any = any || end;
         differ = differ || end != ends.front();
     }

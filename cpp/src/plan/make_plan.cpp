@@ -96,7 +96,7 @@ SceneShows shown_of(const Scene& scene, const ViewFacts& view) {
 
 bool fields_end(const Scene& scene) {
     return std::any_of(scene.fields.begin(), scene.fields.end(),
-                       [](const std::shared_ptr<const Field>& field) { return field->domain_world().has_value(); });
+                       [](const std::shared_ptr<const Field>& field) { return field->domain().has_value(); });
 }
 
 void state_fields(const Scene& scene, Effects& effects) {
@@ -428,7 +428,7 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     plan.general = effects.decide(
         EffectId::general_sections, lattices && (view.shapes.sheared || projection == Projection::perspective),
         !lattices             ? "no lattice is drawn, and every ellipsoid has sections of its own"
-        : view.shapes.sheared ? "cross-sections lean: unequal sample spacing, seen at an angle"
+        : view.shapes.sheared ? "cross-sections lean: unequal sample spacing or oblique axes, seen at an angle"
         : projection == Projection::perspective
             ? "cross-sections scale from slab to slab"
             : "all sections of a lattice's kernel have the same place on the screen",

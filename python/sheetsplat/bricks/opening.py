@@ -170,7 +170,9 @@ def _field(source: BrickSource, cut: _Cut, client: Any, given: Mapping[str, Any]
     if "spacing" not in given:
         tell_units(source.quantity.axes, source.shape, source.spacing)
     names = (*definitions(PlacementOptions), *definitions(KernelOptions))
-    placed: dict[str, Any] = {"spacing": source.spacing, "origin": source.origin}
+    placed: dict[str, Any] = {"origin": source.origin}
+    if "axes" not in given:
+        placed["spacing"] = source.spacing
     placed |= {name: given[name] for name in names if name in given}
     lattice = placed.get("lattice", "cartesian")
     choice("open_bricks: lattice", lattice, ("cartesian", "bcc"))

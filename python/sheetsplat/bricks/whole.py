@@ -73,7 +73,7 @@ class Whole:
             supports=(lattice.supports(centres),),
             value_range=value_range,
             default_slice_spacing=lattice.default_slice_spacing,
-            largest_reach=max(lattice.semi_axes),
+            largest_reach=lattice.longest,
             falloff=lattice.falloff,
             base=lattice.base,
             lattice=lattice,
@@ -81,7 +81,7 @@ class Whole:
 
     @property
     def domain(self) -> Bounds | None:
-        """Where the field ends; None: nowhere."""
+        """Where the field ends, in the coordinates of cells; None: nowhere."""
         return self.box if self.lattice is None else self.lattice.domain
 
     @property
@@ -126,7 +126,7 @@ class Whole:
         """
         eye, back = np.asarray(camera.eye), np.asarray(camera.world_axes()[2])
         if self.lattice is not None:
-            half = math.hypot(float(np.linalg.norm(np.asarray(self.lattice.semi_axes) * back)), widening)
+            half = math.hypot(self.lattice.half_extent(back), widening)
             behind, ahead = self.lattice.reach_along(self.centres, eye, back)
             return -ahead - half, -behind + half
         boxes, half = np.asarray(self.supports), widening

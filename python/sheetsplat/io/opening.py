@@ -263,7 +263,9 @@ def _of_scattered(data: Scattered, options: Mapping[str, Any]) -> EllipsoidField
 def _of_volume(volume: Volume, options: Mapping[str, Any]) -> RegularField:
     if "spacing" not in options:
         tell_units(volume.quantity.axes, volume.values.shape, volume.spacing)
-    placed = {"spacing": volume.spacing, "origin": volume.origin}
+    placed: dict[str, Any] = {"origin": volume.origin}
+    if "axes" not in options:
+        placed["spacing"] = volume.spacing
     chosen = {**placed, **{name: options[name] for name in _SAMPLES if name in options}}
     field = RegularField(volume.values, **chosen)
     field = field.with_quantity_of_samples(volume.quantity, volume.spacing, volume.origin, "cartesian")

@@ -1,6 +1,7 @@
 """The options of fields, and of the files from which they are read."""
 
 import os
+from collections.abc import Sequence
 from typing import Annotated, Literal, TypedDict, get_args
 
 from numpy.typing import DTypeLike
@@ -35,6 +36,15 @@ class PlacementOptions(TypedDict, total=False):
             unset="what the file says, else 0",
             accepts="three numbers",
             value=Numbers("X,Y,Z", 3),
+        ),
+    ]
+    axes: Annotated[
+        Sequence[Vector] | Vector | None,
+        Option(
+            "Steps of i, j and k in the world, row by row, in place of the spacing: of oblique and sheared volumes.",
+            unset="what the file says, else those of the spacing",
+            accepts="(3, 3) numbers",
+            value=Numbers("IX,IY,IZ,JX,JY,JZ,KX,KY,KZ", 9),
         ),
     ]
     lattice: Annotated[Lattice | None, Option("Lattice of the samples.", unset=value_text(_VOLUME["lattice"]))]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from sheetsplat._checks import Bounds, triple
 from sheetsplat.camera import Camera
 from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Field, RegularField
+from sheetsplat.fields.ending import heights, layer_counts
 from sheetsplat.look.visible import camera_axes, corners_of, depths_of
 from sheetsplat.modes import TRAITS
 from sheetsplat.scene import Scene
@@ -258,10 +259,16 @@ def slices_for_ends(scene: Scene, camera: Camera) -> float | None:
         return None
     wanted, back = scene.slice_spacing, camera_axes(camera)[2]
     for one in scene.fields:
-        along = np.flatnonzero(np.abs(back) > _ALONG)
         box = _end_of(one)
-        if along.size and box is not None and _jump(one) > _JUMP:
-            length = box[1][along[0]] - box[0][along[0]]
+        if box is None:
+            continue
+        normals, lengths = np.eye(3), np.subtract(box[1], box[0])
+        if isinstance(one, RegularField):
+            layer, normals = heights(one.steps)
+            lengths = layer_counts(one.shape, one.lattice) * layer
+        along = np.flatnonzero(np.abs(normals @ back) > _ALONG)
+        if along.size and _jump(one) > _JUMP:
+            length = lengths[along[0]]
             wanted = min(wanted, length / max(2 * math.ceil(0.5 * length / wanted * (1.0 - 1e-9)), _FEWEST_SLICES))
     return None if math.isclose(wanted, scene.slice_spacing, rel_tol=1e-9) else wanted
 
@@ -381,7 +388,7 @@ def _shows_mass(field: EllipsoidField) -> bool:
 
 def _sample_distance(field: RegularField) -> float:
     """Return the least distance of samples along an axis, world units; of BCC that of its layers' neighbours."""
-    return field.spacing[0] / math.sqrt(2.0) if field.lattice == "bcc" else min(field.spacing)
+    return field.spacing[0] / math.sqrt(2.0) if field.lattice == "bcc" else float(heights(field.steps)[0].min())
 
 
 def _masses(shown: _Shown) -> Floats:

@@ -243,12 +243,12 @@ TEST(EllipsoidField, a_periodic_box_has_images_behind_its_faces) {
     EXPECT_EQ(field.given_kernel(2), 0);
     EXPECT_EQ(field.given_kernel(-1), -1);
     EXPECT_EQ(field.centres_world(), (Box{Vec3(0.5, 5.0, 5.0), Vec3(6.0, 5.0, 5.0)}));
-    ASSERT_TRUE(field.domain_world());
-    EXPECT_EQ(field.domain_world()->upper.y, 10.0);
-    EXPECT_EQ(field.domain_world()->upper.z, std::numeric_limits<double>::infinity());
+    ASSERT_TRUE(field.domain());
+    EXPECT_EQ(field.domain()->box.upper.y, 10.0);
+    EXPECT_EQ(field.domain()->box.upper.z, std::numeric_limits<double>::infinity());
     const auto alone = field.without_end();
     EXPECT_EQ(alone->size(), 2u);
-    EXPECT_FALSE(alone->domain_world());
+    EXPECT_FALSE(alone->domain());
 
     options.periodic = Box{Vec3(0.0), Vec3(0.05, 0.05, 10.0)};
     try {

@@ -85,15 +85,15 @@ Image image_of(const Pixels& pixels) {
 }
 
 ErrorEstimate estimate_of_arrays(const Pixels& drawn, const Pixels& exact, const std::optional<Pixels>& unstopped,
-                                 const Pixels& halved, const std::string& mode, bool preintegration,
+                                 const Pixels& halved, const Pixels& doubled, const std::string& mode, bool preintegration,
                                  const std::vector<std::tuple<std::string, double, std::string>>& budget) {
     const Image pictures[] = {image_of(drawn), image_of(exact), unstopped ? image_of(*unstopped) : Image{},
-                              image_of(halved)};
+                              image_of(halved), image_of(doubled)};
     std::vector<ErrorShare> shares;
     for (const auto& [cause, rmse, effect] : budget) {
         shares.push_back({cause, rmse, effect});
     }
-    return estimate_error({&pictures[0], &pictures[1], unstopped ? &pictures[2] : nullptr, &pictures[3]},
+    return estimate_error({&pictures[0], &pictures[1], unstopped ? &pictures[2] : nullptr, &pictures[3], &pictures[4]},
                           from_name("mode", mode, modes), preintegration, shares);
 }
 
@@ -126,7 +126,7 @@ void register_image(py::module_& module) {
                                })
         .def_property_readonly("map", &view_map);
     module.def("estimate_error", &estimate_of_arrays, py::arg("drawn"), py::arg("exact"), py::arg("unstopped"),
-               py::arg("halved"), py::kw_only(), py::arg("mode"), py::arg("preintegration"), py::arg("budget"));
+               py::arg("halved"), py::arg("doubled"), py::kw_only(), py::arg("mode"), py::arg("preintegration"), py::arg("budget"));
     module.def("compare", &compare_arrays, py::arg("picture"), py::arg("reference"), py::arg("channels"));
 }
 

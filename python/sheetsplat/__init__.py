@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from sheetsplat.accuracy.report import AccuracyRow as AccuracyRow
     from sheetsplat.animation import Animation as Animation
     from sheetsplat.animation import CameraPath as CameraPath
+    from sheetsplat.animation import Snapshot as Snapshot
     from sheetsplat.animation import animate as animate
     from sheetsplat.animation import turntable as turntable
     from sheetsplat.api import open as open
@@ -112,6 +113,7 @@ __all__ = [
     "ScalarColors",
     "Scene",
     "SceneFile",
+    "Snapshot",
     "TransferFunction",
     "Unsupported",
     "Viewer",
@@ -138,7 +140,7 @@ logging.getLogger("sheetsplat").addHandler(logging.NullHandler())
 _HOMES = {
     "_sheetsplat": ("__version__",),
     "accuracy.report": ("AccuracyReport", "AccuracyRow"),
-    "animation": ("Animation", "CameraPath", "animate", "turntable"),
+    "animation": ("Animation", "CameraPath", "Snapshot", "animate", "turntable"),
     "api": ("open", "render"),
     "bcc": ("resample_to_bcc",),
     "bricks.opening": ("open_bricks",),

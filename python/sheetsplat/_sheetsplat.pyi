@@ -296,6 +296,7 @@ def estimate_error(
     exact: NDArray[np.float32],
     unstopped: NDArray[np.float32] | None,
     halved: NDArray[np.float32],
+    doubled: NDArray[np.float32],
     *,
     mode: str,
     preintegration: bool,

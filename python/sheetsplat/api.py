@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, Unpack
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,10 +33,10 @@ from sheetsplat.choose.decisions import Decisions
 from sheetsplat.choose.kernels import with_own_kernel
 from sheetsplat.choose.look import suggested_look
 from sheetsplat.choose.picture import choose, kept
-from sheetsplat.errors import InvalidInput, complain, option_ref, option_refs, unusable
+from sheetsplat.errors import InvalidInput, Unsupported, complain, option_ref, option_refs, unusable
 from sheetsplat.fields import EllipsoidField, Field, RegularField, any_in_bricks
 from sheetsplat.image import Image
-from sheetsplat.look.decades import logarithmic
+from sheetsplat.look.decades import in_decades
 from sheetsplat.notices import warn
 from sheetsplat.options.bricks import cluster_of
 from sheetsplat.options.camera import CameraOptions
@@ -50,6 +50,9 @@ from sheetsplat.scene import Scene
 if TYPE_CHECKING:
     from sheetsplat.bcc import BccVolume
     from sheetsplat.datasets import Dataset
+
+
+Made = TypeVar("Made", bound=Field)
 
 
 class VtkDataSet(Protocol):
@@ -93,9 +96,9 @@ def open(path: Data, **options: Unpack[OpenOptions]) -> RegularField | Ellipsoid
     Parameters
     ----------
     path
-        The file; its format is found by content, then by suffix. Or an xarray DataArray or Dataset, a dask, Zarr or
-        h5py array, a PyVista or VTK data set, a meshio Mesh, or a pandas or polars DataFrame or a dict of columns x, y,
-        z and others (data.md).
+        The file; its format is found by content, then by suffix. Or an array [k, j, i], an xarray DataArray or
+        Dataset, a dask, Zarr or h5py array, a PyVista or VTK data set, a meshio Mesh, or a pandas or polars DataFrame
+        or a dict of columns x, y, z and others (data.md).
     **options
         Those of OpenOptions.
 
@@ -116,7 +119,12 @@ def open(path: Data, **options: Unpack[OpenOptions]) -> RegularField | Ellipsoid
     """
     check_names("open", options, OpenOptions)
     asked = Asked.of("open", options)
-    return with_own_kernel(_opened(path, options), asked)
+    given = _given(OpenOptions, options)
+    weight = given.pop("weight", None)
+    if isinstance(weight, str):
+        return with_own_kernel(_opened(path, options), asked)
+    field = _opened(path, given)
+    return with_own_kernel(field if weight is None else _weighted([field], weight, given)[0], asked)
 
 
 def _opened(path: Any, options: Any) -> RegularField | EllipsoidField:
@@ -133,7 +141,43 @@ def _opened(path: Any, options: Any) -> RegularField | EllipsoidField:
         from sheetsplat.io.objects import field_of_object
 
         return field_of_object(path, kind, given)
+    if isinstance(path, np.ndarray) or _is_list(path):
+        made: RegularField = _of_array("open", path, given)
+        return made
     return open_field(path, given)
+
+
+def _is_list(data: object) -> bool:
+    """Return whether data are a list of numbers, and not one of several data."""
+    if isinstance(data, list | tuple) and _are_several(data):
+        raise complain(
+            "open: several data cannot be opened",
+            f"a list of {len(data)}",
+            "one file or array",
+            "pass the list to sheetsplat.render, or as a series to sheetsplat.animate",
+        )
+    return isinstance(data, list | tuple) and bool(data)
+
+
+def _are_several(data: object) -> bool:
+    """Return whether a list has several data: paths, data of other libraries, fields, or arrays with three axes."""
+    if not isinstance(data, list | tuple):
+        return False
+
+    def is_one(part: object) -> bool:
+        is_path = isinstance(part, str | os.PathLike | Field) or kind_of_object(part) is not None
+        return is_path or attribute(part, "ndim") == 3 or callable(attribute(part, "field"))
+
+    return bool(data) and all(map(is_one, data))
+
+
+def _of_array(owner: str, data: Any, given: dict[str, Any]) -> Any:
+    """Return the field of an array; `given`: options of `open`, of which those of files are refused."""
+    log = given.pop("log", None)
+    for name in pick(FileOptions, given):
+        raise complain(unusable(f"{owner}: {name}"), "an array", f"{name} only for files")
+    field = RegularField(data, **given)
+    return field if log is None else in_decades([field], {}, log)[0]
 
 
 def _is_made(data: object) -> bool:
@@ -142,37 +186,59 @@ def _is_made(data: object) -> bool:
     return several or isinstance(data, Field)
 
 
+def _refuse_for_made(given: Mapping[str, Any]) -> None:
+    """Raise InvalidInput for options of `open` that were given for fields."""
+    if given:
+        raise complain(
+            "render: these options cannot be used",
+            option_refs(given) + " for a field that is made already",
+            "them only for arrays and files",
+            "give them to the field itself, or to sheetsplat.open",
+        )
+
+
 def to_fields(data: object, **options: Unpack[OpenOptions]) -> list[Field]:
     """Return the fields of an array, a path, a field or several fields; `options` make fields of the first two.
 
-    Their kernels are those that were given, or plain ones.
+    Their kernels are those that were given, or plain ones; they may have weights, which fields take, too.
     """
     given = _given(OpenOptions, options)
+    weight = given.pop("weight", None)
+    if isinstance(weight, str):
+        return _fields_of(data, {**given, "weight": weight})
+    fields = _fields_of(data, given)
+    return fields if weight is None else _weighted(fields, weight, given)
+
+
+def _weighted(fields: list[Made], weight: Any, given: Mapping[str, Any]) -> list[Made]:
+    """Return fields whose means are weighted by another file, a field, or numbers."""
+    if len(fields) > 1:
+        found, wanted = f"weights for {len(fields)} fields", "one field"
+        raise complain(unusable("render: weight"), found, wanted, option="weight", kind=Unsupported)
+    if isinstance(weight, os.PathLike):
+        (weight,) = _fields_of(weight, {name: one for name, one in given.items() if name not in ("log", "scalar")})
+    return [one.weighted_by(weight) for one in fields]
+
+
+def _fields_of(data: Any, given: dict[str, Any]) -> list[Field]:
+    """Return the fields of data, by the options of `open` that were given."""
     # Generated data sets, and other objects with a method field().
     maker = None if isinstance(data, np.ndarray) else attribute(data, "field")
     if callable(maker):
         data = maker()
     if isinstance(data, str | os.PathLike) or kind_of_object(data) is not None:
         return [_opened(data, given)]
-    if _is_made(data):
-        if given:
-            raise complain(
-                "render: these options cannot be used",
-                option_refs(given) + " for a field that is made already",
-                "them only for arrays and files",
-                "give them to the field itself, or to sheetsplat.open",
-            )
-        return [data] if isinstance(data, Field) else list(data)  # type: ignore[call-overload]
-    log = given.pop("log", False)
-    for name in pick(FileOptions, given):
-        raise complain(unusable(f"render: {name}"), "an array", f"{name} only for files")
-    field = RegularField(data, **given)  # type: ignore[arg-type]
-    if log is False:
-        return [field]
     # Readers are not needed before.
-    from sheetsplat.io.kernels import log_base
+    from sheetsplat.io.common_world import in_one_world
 
-    return [logarithmic(field, log_base(field.values, "the samples", log))]
+    if _is_made(data):
+        _refuse_for_made(given)
+        fields: Any = data
+        return [data] if isinstance(data, Field) else in_one_world(fields)
+    if _are_several(data):
+        parts: Any = data
+        return in_one_world([field for one in parts for field in _fields_of(one, dict(given))])
+    return [_of_array("render", data, given)]
 
 
 def _refuse_one_for_each(count: int, look: Mapping[str, Any]) -> None:
@@ -199,7 +265,9 @@ def _is_color(part: object) -> bool:
 
 @dataclass(frozen=True)
 class Opened:
-    """Data as fields that have the kernels which were given, or plain ones; a scene stays one.
+    """Data as fields of their values that have the kernels which were given, or plain ones; a scene stays one.
+
+    Whether their logarithm is shown is a matter of the mode.
 
     Attributes
     ----------
@@ -218,7 +286,11 @@ class Opened:
         if isinstance(data, Scene):
             return cls(data)
         path = Path(data) if isinstance(data, str) else data
-        return cls(data, tuple(to_fields(path, **pick(OpenOptions, options))))
+        given = pick(OpenOptions, options)
+        if _is_made(data):
+            of_made = _given(OpenOptions, given)
+            _refuse_for_made({name: one for name, one in of_made.items() if name != "weight" or isinstance(one, str)})
+        return cls(data, tuple(to_fields(path, **{**given, "log": None})))
 
 
 def _chosen(opened: Opened, options: Any, asked: Asked, size: tuple[int, int], outputs: Iterable[str]) -> Decisions:
@@ -241,6 +313,7 @@ def _chosen(opened: Opened, options: Any, asked: Asked, size: tuple[int, int], o
     suggested = suggested_look(data, look)
     # False has the same effect as leaving the option out.
     wanted = [*(name for name, value in look.items() if value is not False), *outputs]
+    wanted += [name for name in ("weight",) if options.get(name) is not None]
     mode = choice("render: mode", look.get("mode", suggested.get("mode", MODES[0])), MODES)
     if ignored := unused(mode, wanted):
         warn(f"mode {mode} does not use these options: " + option_refs(ignored))

@@ -42,6 +42,7 @@ _EXTRAS = {
     "medical": ("nibabel", "pydicom"),
     "science": ("xarray", "h5netcdf", "zarr", "numcodecs", "tifffile", "mrcfile", "dask", "pandas", "meshio"),
     "parquet": ("pyarrow",),
+    "astro": ("astropy",),
     "pyvista": ("vtk", "vtkmodules", "pyvista"),
     "view": ("aiohttp",),
     "jupyter": ("anywidget", "traitlets"),

@@ -33,6 +33,8 @@ _DPI = 100
 _INK = "#222222"
 # Colours of x, y and z that most colour-blind readers can tell apart (after Okabe and Ito).
 _AXES = (("x", "#D55E00"), ("y", "#009E73"), ("z", "#0072B2"))
+# The unit of lengths that have none.
+_WORLD = "world units"
 # A view direction closer to an axis than this is along it.
 _ALONG = 1e-6
 # Share of the picture's width that a scale bar has at most.
@@ -70,18 +72,21 @@ class PicturePlane:
         Coordinates of the left, right, bottom and top edge along the labelled axes.
     labels
         What lies to the right and upwards, with units.
+    axes
+        The same, without a unit where lengths of the world have none.
     oblique
         Whether neither of them is an axis of the world.
     """
 
     extent: tuple[float, float, float, float]
     labels: tuple[str, str]
+    axes: tuple[Axis, Axis]
     oblique: bool
 
 
 def color_bars(image: Image) -> list[ColorBar]:
     """Return the colour bars of a picture, one for each of its transfer functions."""
-    quantity = _common(image.recipe.fields)
+    quantity = common_quantity(image.recipe.fields)
     options = image.recipe.options
     if image.is_scalar:
         colors = options["scalar_colors"]
@@ -93,13 +98,15 @@ def color_bars(image: Image) -> list[ColorBar]:
         if mode.integrates:
             return [ColorBar(table, low, high, colors.log, _integral_label(quantity))]
         label = f"{mode.of_values} {quantity.label}"
+        if mode.mean and (weight := image.recipe.fields[0].opened.get("weight")):
+            label += f", weighted by {weight}"
         if quantity.floor is not None and not colors.log:
             return [ColorBar(table, quantity.scalar(low), quantity.scalar(high), True, label)]
         return [ColorBar(table, low, high, colors.log, label)]
     surfaces = surfaces_of(options["iso_value"]) if TRAITS[image.mode].shows_surfaces else ()
     recipe, first, bars = image.recipe, 0, []
     for function, count in zip(recipe.transfer_functions, recipe.groups, strict=True):
-        bar = _bar_of(function, _common(recipe.fields[first : first + count]), surfaces)
+        bar = _bar_of(function, common_quantity(recipe.fields[first : first + count]), surfaces)
         fields = " and ".join(map(str, range(first, first + count)))
         bars.append((bar, f"{bar.label} of field{'s' * (count > 1)} {fields}"))
         first += count
@@ -122,7 +129,7 @@ def _bar_of(function: TransferFunction, quantity: Quantity, surfaces: Sequence[t
     )
 
 
-def _common(fields: Sequence[FieldRecipe]) -> Quantity:
+def common_quantity(fields: Sequence[FieldRecipe]) -> Quantity:
     """Return what the scalar of fields that add up is: that of each where they agree."""
     known = {one.quantity for one in fields}
     return known.pop() if len(known) == 1 else Quantity()
@@ -137,14 +144,12 @@ def _axes_of(image: Image) -> tuple[Axis, ...]:
     """Return the coordinates along x, y and z: those of the data where all fields agree, else those of the world."""
     own = {one.quantity.axes for one in image.recipe.fields}
     axes = own.pop() if len(own) == 1 else ()
-    world = (Axis(name, _length_unit(image) or "world units") for name, _ in _AXES)
+    world = (Axis(name, _length_unit(image) or _WORLD) for name, _ in _AXES)
     return tuple(one if one.name else other for one, other in zip(axes or [Axis()] * 3, world, strict=True))
 
 
 def _integral_label(quantity: Quantity) -> str:
-    length = quantity.length_unit or "world units"
-    if quantity.floor is not None:
-        return f"integral of log10({quantity.name or 'value'} / {quantity.floor:g}) along the ray [{length}]"
+    length = quantity.length_unit or _WORLD
     unit = f"{quantity.unit} · {length}" if quantity.unit else f"value · {length}" if not quantity.name else length
     return f"integral of {quantity.name or 'the value'} along the ray [{unit}]"
 
@@ -157,7 +162,7 @@ def picture_plane(image: Image) -> PicturePlane:
     axes = _axes_of(image)
     right, up, _ = camera.world_axes()
     edges: list[float] = []
-    labels = []
+    shown = []
     moved = high * camera.shift[0], high * camera.shift[1]
     for direction, length, word, beside in ((right, wide, "across", moved[0]), (up, high, "up", moved[1])):
         along = int(np.argmax(np.abs(direction)))
@@ -165,14 +170,17 @@ def picture_plane(image: Image) -> PicturePlane:
             axis, sign = axes[along], math.copysign(1.0, direction[along])
             middle = camera.target[along] + sign * beside
         else:
-            axis = Axis(f"distance {word} from the middle", _length_unit(image) or "world units")
+            axis = Axis(f"distance {word} from the middle", _length_unit(image) or _WORLD)
             middle, sign = beside, 1.0
         edges += [axis.coordinate(middle - 0.5 * sign * length), axis.coordinate(middle + 0.5 * sign * length)]
-        labels.append(axis.label)
+        shown.append(axis)
+    labels = [one.label for one in shown]
     if camera.kind == "perspective":
         labels[0] += ", at the depth of the target"
     left, to_right, bottom, top = edges
-    return PicturePlane((left, to_right, bottom, top), (labels[0], labels[1]), all("distance" in one for one in labels))
+    across, upwards = (one._replace(unit="") if one.unit == _WORLD else one for one in shown)
+    oblique = all("distance" in one for one in labels)
+    return PicturePlane((left, to_right, bottom, top), (labels[0], labels[1]), (across, upwards), oblique)
 
 
 def world_height(image: Image) -> float:
@@ -355,7 +363,7 @@ def _draw_scale_bar(axes: Any, image: Image, pixel: float) -> None:
             linewidth=thick * pixel * 72.0 / _DPI,
             solid_capstyle="butt",
         )
-    text = f"{length:g} {_length_unit(image) or 'world units'}"
+    text = f"{length:g} {_length_unit(image) or _WORLD}"
     # A text that is longer than the bar ends where the bar does.
     middle = max(right - 0.5 * max(across, _WIDTH_OF_LETTER * pixel * len(text)), 0.0)
     made = axes.text(

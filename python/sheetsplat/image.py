@@ -324,6 +324,7 @@ class Image:
             .tif, .tiff: the same, and of scalar pictures the numbers themselves, float32.
             .jpg, .jpeg: over the scene's background, or white, without alpha.
             .exr: float32, premultiplied R, G, B, A, or Y for scalar pictures. .npy: `pixels` unchanged.
+            .fits: the numbers of scalar pictures, float32, with unit and coordinates (``sheetsplat[astro]``).
         metadata
             Whether a PNG says how it was made (`recipe`), without paths and names of users, so that
             ``sheetsplat render x.png DATA`` makes it again. Pictures with a depth limit do not: a text cannot say what
@@ -332,7 +333,9 @@ class Image:
         Raises
         ------
         InvalidInput
-            For another suffix.
+            For another suffix, and for colours as .fits.
+        Unsupported
+            Where a package that writes the format is not installed.
         Error
             Where the file cannot be written.
         """
@@ -341,12 +344,17 @@ class Image:
         wanted = "a path that ends with " + pictures.listed_suffixes()
         target = file_path("the picture cannot be saved", path, wanted)
         described = truth("Image.save: metadata", metadata)
-        if pictures.check_suffix(target) in pictures.FLOATS:
+        suffix = pictures.check_suffix(target)
+        if suffix in pictures.FLOATS:
             pictures.save_array(self.pixels, target)
             return
-        described = described and self._depth_limit is None and target.suffix.lower() == ".png"
-        text = self._description() if described else ""
-        pictures.save_raster(self._raster(target.suffix.lower()), target, text)
+        if suffix == pictures.FITS:
+            from sheetsplat.io.fits_picture import save_fits
+
+            save_fits(self, target)
+            return
+        text = self._description() if described and self._depth_limit is None and suffix == ".png" else ""
+        pictures.save_raster(self._raster(suffix), target, text)
 
     def to_png(self, *, metadata: bool = True, texts: Mapping[str, str] = MappingProxyType({})) -> bytes:
         """Return the bytes of the PNG that `save` writes, with further texts by their keywords."""

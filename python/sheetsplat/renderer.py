@@ -21,7 +21,7 @@ from sheetsplat.effect_names import check_effects
 from sheetsplat.errors import Unsupported, complain, option_ref, unusable
 from sheetsplat.expected_time import ExpectedTime, expected_time, may_be_long, warn_of_time
 from sheetsplat.fields import any_in_bricks
-from sheetsplat.image import ErrorEstimate, Image
+from sheetsplat.image import ErrorEstimate, Image, image_of
 from sheetsplat.limits import Depths, checked_depths
 from sheetsplat.look import empty
 from sheetsplat.notices import is_muted, muted, warn
@@ -32,6 +32,7 @@ from sheetsplat.quality.lost import keeping, warn_of_lost, with_lost
 from sheetsplat.quality.thin import LEAST_UNMET, may_be_flat, unmet_kernels
 from sheetsplat.scene import Scene
 from sheetsplat.supersampling import averaged, counting_samples, fine_depths, fine_size
+from sheetsplat.weighted import mean_of
 
 _log = logging.getLogger("sheetsplat")
 
@@ -227,6 +228,8 @@ class Renderer:
             As `render` would.
         """
         view = _View.of(scene, camera, size, outputs, depth_limit)
+        if scene.sums is not None:
+            view = view._replace(scene=scene.sums[1])
         with counting_samples(view.samples):
             native = self.native.plan(**view.native())
         plan = RenderPlan.of_native(native, scene.notes, scene.quality, view.samples)
@@ -335,6 +338,8 @@ class Renderer:
         view = _View.of(scene, camera, size, outputs, depth_limit)
         check_progress("Renderer", progress)
         began = time.perf_counter()
+        if scene.sums is not None:
+            return self._weighted_mean(scene.sums, view, progress, began)
         with counting_samples(view.samples):
             self._warn_of_time(view)
             native = self.native.render(**view.native(), progress=progress)
@@ -377,6 +382,8 @@ class Renderer:
         view = _View.of(scene, camera, size, outputs, depth_limit)
         check_progress("Renderer", progress)
         seconds = number("Renderer: first_seconds", first_seconds)
+        if scene.sums is not None:
+            return self._one_stage(scene.sums, view, progress)
         with counting_samples(view.samples):
             stages = self.native.begin_stages(**view.native(), first_seconds=seconds)
         return self._stages(stages, view, progress)
@@ -387,6 +394,46 @@ class Renderer:
             with counting_samples(view.samples):
                 native = self.native.next_stage(stages, progress=progress)
             yield self._finished(native, view, began)
+
+    def _one_stage(self, sums: tuple[Scene, Scene], view: _View, progress: Progress | None) -> Iterator[Image]:
+        yield self._weighted_mean(sums, view, progress, time.perf_counter())
+
+    def _weighted_mean(self, sums: tuple[Scene, Scene], view: _View, progress: Progress | None, began: float) -> Image:
+        """Return the quotient of two x-rays, of the product and of the weight."""
+        for goal in ("max_error", "max_seconds"):
+            if self._settings[goal] is not None:
+                found, wanted = "a weighted mean, which is made of two pictures", "a quality"
+                raise complain(unusable(f"Renderer: {goal}"), found, wanted, option=goal, kind=Unsupported)
+
+        def half(number: int) -> Progress | None:
+            return None if progress is None else lambda share: progress(0.5 * (number + share))
+
+        views = [view._replace(scene=one) for one in sums]
+        with counting_samples(view.samples):
+            self._warn_of_time(views[1])
+            drawn = [self.native.render(**one.native(), progress=half(n)) for n, one in enumerate(views)]
+            product, weight = (averaged(one, view.samples) for one in drawn)
+
+        def estimate(progress: Progress | None) -> ErrorEstimate:
+            what = "the error of a weighted mean cannot be estimated"
+            raise complain(what, "a quotient of two pictures", "a picture of one sum", kind=Unsupported)
+
+        scene, native = view.scene, drawn[1]
+        plan = RenderPlan.of_native(native.plan, scene.notes, scene.quality, view.samples)
+        expected = {"stage": 1.0, "stages": 1.0, "estimated_rmse": plan.expected_error}
+        image = image_of(
+            self._recipe(native, view),
+            plan,
+            {**native.stats, **expected, "seconds_total": time.perf_counter() - began},
+            scalar=mean_of(product.scalar, weight.scalar, scene.fields[0].value_range),
+            coverage=weight.coverage,
+            depth_limit=view.depth_limit,
+            scene=scene,
+            estimate=estimate,
+        )
+        empty.warn_of_unseen(image, scene)
+        warn_of_lost(views[1].scene, view.camera, view.size)
+        return image
 
     def _finished(self, native: _sheetsplat.Image, view: _View, began: float) -> Image:
         scene, camera = view.scene, view.camera

@@ -11,15 +11,17 @@ from numpy.typing import NDArray
 
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import Bounds, Triple
-from sheetsplat.errors import complain
+from sheetsplat.errors import Unsupported, complain, option_ref
 from sheetsplat.fields import BrickedKernels, Field, as_fields, default_spacing, joined_bounds
 from sheetsplat.light import Light, Material
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.core import check_names, checked, documented
 from sheetsplat.options.scene import IsoValue, SceneOptions, surfaces_of
 from sheetsplat.plan import PictureQuality
 from sheetsplat.quantity import notes_of
 from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.transfer import TransferFunction
+from sheetsplat.weighted import SUMS, is_weighted, sums_of
 
 # A transfer function, or its points.
 Look = TransferFunction | Sequence[Sequence[float]] | NDArray[Any]
@@ -97,8 +99,9 @@ class Scene:
     'mip'
     """
 
-    __slots__ = ("_groups", "_native", "_options", "_quality")
+    __slots__ = ("_groups", "_native", "_options", "_quality", "_sums")
     _native: _sheetsplat.Scene | None
+    _sums: tuple[Scene, Scene] | None
     _quality: PictureQuality | None
 
     def __init__(
@@ -131,6 +134,7 @@ class Scene:
         native: _sheetsplat.Scene | None = None,
     ) -> None:
         self._groups, self._options, self._quality, self._native = groups, options, quality, native
+        self._sums = None
 
     def check(self) -> None:
         """Make the native scene, once, or raise what is wrong with what options mean together."""
@@ -138,6 +142,14 @@ class Scene:
             self._native = self._made()
 
     def _made(self) -> _sheetsplat.Scene:
+        if TRAITS[self.mode].adds and self.notes:
+            raise complain(
+                f"Scene: mode {self.mode} cannot be used",
+                f"a field of logarithms: {self.notes[0]}",
+                "a field of the values",
+                option_ref("log_scale", "true") + " shows the logarithm of their sums",
+                option="mode",
+            )
         native = {name: _native(value) for name, value in self._options.items()}
         # The engine makes the numbers of a scalar picture; the image makes their colours, and the mean of samples.
         del native["scalar_colors"], native["supersampling"], native["iso_value"]
@@ -153,8 +165,38 @@ class Scene:
         )
 
     @property
+    def sums(self) -> tuple[Scene, Scene] | None:
+        """The x-rays of product and weight whose quotient is shown where a mean is weighted; None elsewhere.
+
+        Raises
+        ------
+        Unsupported
+            For several fields.
+        """
+        if self._sums is None and any(is_weighted(one, self.mode) for one in self.fields):
+            if len(self.fields) > 1:
+                raise complain(
+                    "Scene: a weighted mean cannot be shown",
+                    f"{len(self.fields)} fields",
+                    "one field with weights",
+                    kind=Unsupported,
+                )
+            lengths = {"slice_spacing": self.slice_spacing, "reference_length": self.reference_length}
+            product, weight = (self.sketch(field=one, mode=SUMS, **lengths) for one in sums_of(self.fields[0]))
+            self._sums = product, weight
+        return self._sums
+
+    @property
     def native(self) -> _sheetsplat.Scene:
-        """The scene of the native renderer."""
+        """The scene of the native renderer. Unsupported for a weighted mean, which is made of two."""
+        if self.sums is not None:
+            raise complain(
+                "a weighted mean cannot be examined",
+                "a quotient of two pictures",
+                "one without weights",
+                "take field.weighted_by(None)",
+                kind=Unsupported,
+            )
         self.check()
         assert self._native is not None
         return self._native

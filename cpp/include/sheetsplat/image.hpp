@@ -53,6 +53,7 @@ struct ErrorPictures {
     const Image* exact = nullptr;     ///< the same in float64; null: arithmetic is taken from the plan
     const Image* unstopped = nullptr; ///< without a stop, at ds, with the numbers of `exact`; null: there is no stop
     const Image* halved = nullptr;    ///< without a stop, at ds / 2, with the numbers of `exact`
+    const Image* doubled = nullptr;   ///< the same at 2 ds; null: errors are taken to fall as is usual for the mode
 };
 /// Richardson extrapolation: the change from slice distance ds to ds / 2 gives the error at ds. budget: the plan's. Its
 /// shares of light looked up in volumes count unchanged, distributed over the pixels in proportion to opacity; the

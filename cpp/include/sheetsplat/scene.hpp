@@ -86,8 +86,8 @@ struct LightVolumes;
 /// neighbours' kernels add to it (conventions, section 11). Belongs to one camera and size.
 struct Part {
     /// The points that are drawn, lower <= x < upper (of a parallelepiped: to_box x); infinite where there is no
-    /// neighbour. Intervals and crossings belong to the point of the slice before them; what lies before the first slice
-    /// to that of the first one.
+    /// neighbour. Intervals and crossings belong to the point of the slice before them; what lies before the first
+    /// slice to that of the first one.
     Parallelepiped cell{};
     /// World-aligned box of all kernel centres of the whole, by which slices are anchored.
     Box centres{};

@@ -19,9 +19,6 @@ namespace {
 constexpr double converged = 0.25;
 constexpr double converged_close = 0.5;
 constexpr double close_spacing = 0.3;
-/// Distance to such a picture over that to the converged one.
-constexpr double converged_share = 0.92;
-constexpr double converged_close_share = 0.8;
 /// Requested errors from which on the picture that a pilot is compared with may be in float32.
 constexpr double plain_reference = 3e-5;
 constexpr int timed_pilots = 3;
@@ -60,8 +57,11 @@ std::optional<double> Renderer::State::Pilots::error(const Settings& settings) {
         const Image picture = draw(settings, false);
         const double spacing = settings.slice_spacing / start_.slice_spacing;
         const Image& reference = converged_for(spacing);
-        const bool far = reference_spacing_ <= converged * spacing * (1.0 + 1e-9);
-        const double found = distance(picture, reference, excerpt()) / (far ? converged_share : converged_close_share);
+        const double apart = distance(picture, reference, excerpt());
+        // The distance of two errors that are alike to a degree, of which one is known.
+        const double alike = std::pow(approach_.alike, std::log2(spacing / reference_spacing_));
+        const double across = reference_error_ * reference_error_ * (1.0 - alike * alike);
+        const double found = alike * reference_error_ + std::sqrt(std::max(0.0, apart * apart - across));
         return std::hypot(found, of_model(settings));
     } catch (const Unsupported&) {
     } catch (const InvalidInput&) {}
@@ -159,26 +159,39 @@ Image Renderer::State::Pilots::draw(const Settings& settings, bool exact) {
                          &widest_);
 }
 
+const Image& Renderer::State::Pilots::fine(double spacing) {
+    const auto known = fine_.find(spacing);
+    if (known != fine_.end()) {
+        return known->second;
+    }
+    Settings settings = start_;
+    settings.slice_spacing = start_.slice_spacing * spacing;
+    settings.opacity_stop = 1.0;
+    settings.sampling = Sampling::point;
+    settings.preintegration = is_composited(request_.scene.mode);
+    settings.second_order = false;
+    const bool plain = request_.options.precision == Precision::automatic &&
+                       request_.options.max_error.value_or(plain_reference) >= plain_reference;
+    Image drawn;
+    try {
+        drawn = draw(settings, !plain);
+    } catch (const Unsupported&) {
+        drawn = draw(settings, false);
+    }
+    return fine_.emplace(spacing, std::move(drawn)).first->second;
+}
+
 const Image& Renderer::State::Pilots::converged_for(double spacing) {
     const double share = spacing < close_spacing ? converged_close : converged;
     const double wanted = std::exp2(std::floor(std::log2(share * spacing) + 1e-9));
     if (!reference_ || wanted < reference_spacing_) {
-        Settings settings = start_;
-        settings.slice_spacing = start_.slice_spacing * wanted;
-        settings.opacity_stop = 1.0;
-        settings.sampling = Sampling::point;
-        settings.preintegration = is_composited(request_.scene.mode);
-        settings.second_order = false;
-        Image drawn;
-        try {
-            const bool plain = request_.options.precision == Precision::automatic &&
-                               request_.options.max_error.value_or(plain_reference) >= plain_reference;
-            drawn = draw(settings, !plain);
-        } catch (const Unsupported&) {
-            drawn = draw(settings, false);
-        }
-        reference_ = std::move(drawn);
+        const Image &coarse = fine(4.0 * wanted), &middle = fine(2.0 * wanted), &closest = fine(wanted);
+        approach_ = approach(coarse, middle, closest);
+        reference_error_ = approach_.factor * distance(middle, closest, excerpt()) / approach_.share();
+        reference_ = closest;
         reference_spacing_ = wanted;
+        // Closer ones need the last two again.
+        fine_.erase(fine_.upper_bound(2.0 * wanted), fine_.end());
     }
     return *reference_;
 }

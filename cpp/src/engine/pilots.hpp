@@ -4,6 +4,7 @@
 #include <map>
 #include <optional>
 
+#include "probe.hpp"
 #include "renderer_state.hpp"
 #include "settings_search.hpp"
 
@@ -44,6 +45,8 @@ class Renderer::State::Pilots : public Judge {
     Image draw(const Settings& settings, bool exact);
     /// The picture that pilots of a slice spacing are compared with.
     const Image& converged_for(double spacing);
+    /// A picture of slices so close, without a stop, of which the last few are kept.
+    const Image& fine(double spacing);
     [[nodiscard]] Request whole(const Scene& scene, const Progress& progress) const {
         return {scene, request_.camera, request_.size, no_outputs_, progress, request_.options};
     }
@@ -65,6 +68,9 @@ class Renderer::State::Pilots : public Judge {
     double pace_ = 1.0;
     std::optional<Image> reference_;
     double reference_spacing_ = 1.0;
+    Approach approach_;            ///< of pictures of closer and closer slices up to it
+    double reference_error_ = 0.0; ///< by that
+    std::map<double, Image> fine_; ///< by their slice spacing
     std::map<double, double> of_model_; ///< by slice spacing
     std::optional<double> measured_over_estimated_{};
 };

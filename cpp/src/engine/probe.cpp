@@ -17,7 +17,10 @@ namespace {
 
 /// Edge of a spread tile, pixels, and how many of a picture's tiles are taken.
 constexpr int excerpt_edge = 16;
-constexpr std::size_t least_tiles = 20, most_tiles = 64, tiles_of_picture = 16;
+constexpr std::size_t least_tiles = 32, most_tiles = 64, tiles_of_picture = 16;
+
+/// Factors that are measured where errors fall faster than at fourth order, or more slowly than at half, are chance.
+constexpr double least_factor = 0.0625, largest_factor = 0.7071;
 
 /// Calls visit(element of a picture, how many) for each row of a tile.
 template <class Visit>
@@ -161,6 +164,33 @@ std::vector<double> squares(const Image& picture, const Image& reference, double
     return result;
 }
 
+double Approach::share() const { return std::sqrt(1.0 + factor * factor - 2.0 * factor * alike); }
+
+Approach approach(const Image& coarse, const Image& middle, const Image& fine) {
+    const std::vector<float>&first = channels_of(coarse), &second = channels_of(middle), &third = channels_of(fine);
+    double both = 0.0, before = 0.0, after = 0.0;
+    for (std::size_t i = 0; i < first.size(); ++i) {
+        const double step = static_cast<double>(second[i]) - static_cast<double>(first[i]);
+        const double next = static_cast<double>(third[i]) - static_cast<double>(second[i]);
+        if (std::isfinite(step) && std::isfinite(next)) {
+            both += step * next;
+            before += step * step;
+            after += next * next;
+        }
+    }
+    if (!(before > 0.0 && after > 0.0)) {
+        return {};
+    }
+    Approach found;
+    found.factor = std::clamp(std::sqrt(after / before), least_factor, largest_factor);
+    // Errors e of pictures 0, 1 and 2 are in proportion to 1, q and q^2, with q the factor, and c^n alike n pictures
+    // apart. The correlation of e0 - e1 and e1 - e2 is then (c s - c^2 - 1) / (s - 2 c) with s = q + 1/q.
+    const double steps = both / std::sqrt(before * after), s = found.factor + 1.0 / found.factor;
+    const double root = std::sqrt(std::max(0.0, s * s + 4.0 * steps * steps - 4.0));
+    found.alike = std::clamp(0.5 * (s + 2.0 * steps - root), 0.0, 1.0);
+    return found;
+}
+
 double distance(const Image& picture, const Image& reference, const Excerpt* excerpt) {
     const std::vector<double> off = squares(picture, reference, scale_of(reference));
     if (excerpt == nullptr) {
@@ -168,11 +198,11 @@ double distance(const Image& picture, const Image& reference, const Excerpt* exc
     }
     const std::vector<double> own =
         means_of_tiles(off, backend_cpu::TileLayout(picture.size, excerpt->edge, excerpt->drawn), picture.size);
-    const auto tiles = static_cast<double>(excerpt->tiles);
+    const auto tiles = static_cast<double>(excerpt->tiles), all = static_cast<double>(own.size());
     const double mean = std::accumulate(own.begin(), own.end(), 0.0) / tiles;
     const double variance =
         std::max(0.0, std::inner_product(own.begin(), own.end(), own.begin(), 0.0) / tiles - mean * mean) /
-        std::max(tiles - 1.0, 1.0);
+        std::max(tiles - 1.0, 1.0) * (1.0 - tiles / all); // (drawn without putting back)
     return std::sqrt(mean + std::sqrt(variance));
 }
 

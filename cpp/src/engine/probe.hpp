@@ -43,6 +43,16 @@ double scale_of(const Image& reference);
 /// Mean over the channels of squared differences, a pixel. (No number: no slice counts in one of them.)
 std::vector<double> squares(const Image& picture, const Image& reference, double scale);
 double root_of_mean(const std::vector<double>& values);
+/// How pictures approach the converged one as slices come closer, by three of them, each at half the slice distance of the
+/// one before. Errors fall by a factor; those of neighbours are alike where they fall steadily, and less so where slices
+/// meet kernels and steps by chance.
+struct Approach {
+    double factor = 0.0; ///< error at half a slice distance over that at the whole
+    double alike = 1.0;  ///< correlation of these two errors
+    /// Distance of the pictures at a slice distance and at half of it, over the error at the whole.
+    [[nodiscard]] double share() const;
+};
+Approach approach(const Image& coarse, const Image& middle, const Image& fine);
 /// Root mean square difference, as section 8 has it. excerpt: of its tiles, with their standard error on top.
 double distance(const Image& picture, const Image& reference, const Excerpt* excerpt = nullptr);
 

@@ -26,7 +26,7 @@ namespace {
 constexpr double pilot_pixels = 64.0 * 64.0;
 constexpr double surface_pilot_pixels = 1024.0 * 1024.0;
 /// From so many times as many pixels on, pilots are tiles of the picture, whose time does not grow with the data.
-constexpr double excerpted = 16.0;
+constexpr double excerpted = 4.0;
 /// Largest share of the requested error that float32 may cause; beyond it float64 is used.
 constexpr double arithmetic_share = 0.3;
 /// A check looks through pixels of this share of a pilot's width.
@@ -211,10 +211,10 @@ const Chosen* Renderer::State::choose(const Request& request) {
         Choice& choice = made->choice;
         Pilots check(*this, request, start, std::max(2, static_cast<int>(std::floor(check_pixels * larger))),
                      large ? Pilots::Part::checked : Pilots::Part::whole);
-        for (int n = 0; n < most_corrections; ++n) {
+        for (int n = 0;; ++n) {
             const double found = check.error(choice.settings).value_or(choice.error);
             choice.error = n == 0 ? std::max(choice.error, found) : found;
-            if (found <= most_found * *options_.max_error) {
+            if (found <= most_found * *options_.max_error || n == most_corrections) {
                 break;
             }
             choice.settings.slice_spacing *=

@@ -92,7 +92,11 @@ class Search {
             look(kind);
         }
         if (!std::isfinite(best_.seconds)) {
-            give_up(most);
+            if (least_ > most) {
+                give_up(most);
+            }
+            // Without the margin that is aimed at, but kept.
+            take(least_at_, least_);
         }
         return best_;
     }
@@ -307,7 +311,7 @@ class Search {
             throw InvalidInput(Complaint{
                 option_ref("max_error") + " cannot be kept with this " + option_ref("slice_spacing"),
                 option_ref("slice_spacing", text_of(start_.slice_spacing, 3)) + ", with " + reached,
-                option_ref("max_error", text_of(most, 3)) + ", less a margin for safety",
+                option_ref("max_error", text_of(most, 3)),
                 "leave out " + option_ref("slice_spacing") + ", or allow a larger " + option_ref("max_error")});
         }
         throw Unsupported(Complaint{option_ref("max_error") + " cannot be reached", reached,

@@ -10,6 +10,7 @@ import numpy as np
 from sheetsplat import api
 from sheetsplat._checks import direction as axis_or_vector
 from sheetsplat._checks import number, shown, suffix_of
+from sheetsplat.animation.between import Snapshot, sources_between
 from sheetsplat.animation.film import Animation, Frame, PictureFrame, SceneFrame
 from sheetsplat.animation.framing import turning_camera
 from sheetsplat.animation.path import CameraPath, turns
@@ -117,8 +118,9 @@ def animate(function_or_sequence: Any, frames: int | None = None, **options: Unp
     ----------
     function_or_sequence
         A sequence of files, arrays, fields or scenes; a file or a DataArray with a time axis, or an array
-        (t, k, j, i); a function of the number of the frame that returns any of what `sheetsplat.render` takes, or the
-        picture itself; or data that stay the same while the camera moves.
+        (t, k, j, i); snapshots of particles (`Snapshot`, or HDF5 files) with `between`; a function of the number of the
+        frame that returns any of what `sheetsplat.render` takes, or the picture itself; or data that stay the same
+        while the camera moves.
     frames
         Number of frames: the steps are spread evenly over them. Unless given, that of the steps; of data that stay the
         same and of functions it must be given.
@@ -144,6 +146,8 @@ def animate(function_or_sequence: Any, frames: int | None = None, **options: Unp
         steps = Steps.of_function(function_or_sequence, first, count)
     else:
         steps = steps_of(function_or_sequence, pick(OpenOptions, options))
+    if given.get("between") is not None:
+        return _of_snapshots(steps, count, options, given)
     if count is None:
         if len(steps) == 1 and not steps.is_series:
             raise complain(
@@ -176,7 +180,7 @@ def _of_pictures(function: Callable[[int], Any], first: Image, count: int, given
 
 def _of_steps(steps: Steps, count: int, options: Any, given: dict[str, Any]) -> Animation:
     """Return the film of data that `sheetsplat.render` takes."""
-    own = {*definitions(FilmOptions), "camera"}
+    own = {*definitions(FilmOptions), "camera", "between"}
     rest = {name: one for name, one in options.items() if name not in own}
     way = _way(given.get("camera"), count)
     if len(steps) == 1 and not steps.is_series:
@@ -193,6 +197,33 @@ def _of_steps(steps: Steps, count: int, options: Any, given: dict[str, Any]) -> 
         SceneFrame(sources[number * len(sources) // count], cameras[number]) for number in range(count)
     ]
     return Animation(made, picture.size, renderer, **_film(given))
+
+
+def _of_snapshots(steps: Steps, count: int | None, options: Any, given: dict[str, Any]) -> Animation:
+    """Return the film of snapshots of particles with frames between them."""
+    between = frames_of("animate: between", given["between"])
+    what = unusable("animate: between")
+    if count is not None:
+        raise complain(what, "frames as well", "one of them", option="between")
+    paths = [steps.path(number) for number in range(len(steps))]
+    snapshots = [steps[number] for number in range(len(steps)) if paths[number] is None]
+    if (
+        len(steps) < 2
+        or len(snapshots) not in (0, len(steps))
+        or not all(isinstance(one, Snapshot) for one in snapshots)
+    ):
+        raise complain(what, "other data", "at least two snapshots: files, or sheetsplat.Snapshot", option="between")
+    count = frames_of("animate: between", (len(steps) - 1) * (between + 1) + 1)
+    own = {*definitions(FilmOptions), "camera", "between"}
+    rest = {name: one for name, one in options.items() if name not in own}
+    way = _way(given.get("camera"), count)
+    shown = steps_of([one.field for one in snapshots], {}) if snapshots else steps
+    look, camera, size, renderer = one_look(shown, rest, None if way is None else way[0])
+    files = [FileStep(path, look, steps.options(number)) for number, path in enumerate(paths) if path is not None]
+    sources = sources_between(snapshots or files, look, between)
+    cameras = [camera] * count if way is None else way
+    made: list[Frame] = [SceneFrame(source, one) for source, one in zip(sources, cameras, strict=True)]
+    return Animation(made, size, renderer, **_film(given))
 
 
 def _source(steps: Steps, number: int, look: SharedLook) -> Source | MemoryStep:

@@ -19,7 +19,7 @@ from sheetsplat.choose.kernels import with_kernel
 from sheetsplat.fields import Field, RegularField
 from sheetsplat.framing import compose_camera, fitting_depth_cue
 from sheetsplat.look.automatic import choose
-from sheetsplat.look.decades import in_decades
+from sheetsplat.look.decades import in_decades, with_log_scale
 from sheetsplat.look.histogram import stride_of
 from sheetsplat.look.strays import without_strays
 from sheetsplat.notices import muted
@@ -135,42 +135,46 @@ def one_look(
         picture = api.prepare(middle, **rest, **placed)
         scene, renderer = settled(picture)
         return SharedLook(scene, {}), picture.camera, picture.size, renderer
-    look = pick_given(LookOptions, options)
+    look: Mapping[str, Any] = pick_given(LookOptions, options)
     made = [isinstance(one, Field) for one in looked]
     with muted():
         fields = [
-            api.to_fields(one, **{**of_data, **steps.options(number)})
+            api.Opened.of(one, {**of_data, **steps.options(number)}).fields
             for number, one in zip(numbers, looked, strict=True)
         ]
+    if look.get("mode") is not None:
+        choice("animate: mode", look["mode"], MODES)
+    log = options.get("log")
     if any(len(one) > 1 for one in fields):
-        picture = api.prepare(fields[len(fields) // 2], **rest, **placed)
+        several = fields[len(fields) // 2]
+        shown = in_decades(several, look, log or False)
+        picture = api.prepare(shown, **{**rest, **with_log_scale(several, look, log), **placed})
         scene, renderer = settled(picture)
-        return SharedLook(scene, of_data), picture.camera, picture.size, renderer
+        return SharedLook(scene, of_data, log=log or False), picture.camera, picture.size, renderer
     alone = [one[0] for one in fields]
     volumes = _alike(alone)
     shared = _mixed(volumes) if volumes is not None else max(alone, key=_width)
-    if look.get("mode") is not None:
-        choice("animate: mode", look["mode"], MODES)
-    shared = in_decades([shared], look, options.get("log"))[0]
+    look = with_log_scale([shared], look, log)
+    shared = in_decades([shared], look, log)[0]
     floor = shared.quantity.floor if shared.quantity.floor != alone[0].quantity.floor else None
     shared = without_strays([shared], look, framed=False)[0]
     kernel = _kernel(shared, alone[len(alone) // 2], options, made=made[len(made) // 2])
     if kernel is not None and isinstance(shared, RegularField):
         shared = shared.replace(**kernel)
-    picture = api.prepare(shared, **{**rest, **placed, "log": False})
+    picture = api.prepare(shared, **{**rest, **look, **placed, "log": False})
     colors = None if volumes is None else _drift(volumes, look, floor)
     scene = picture.scene
     seen = picture.camera
     if camera is None:
-        opened = SharedLook(scene, {}, kernel, floor, look, colors)
+        opened = SharedLook(scene, {}, kernel, floor or False, look, colors)
         with muted():
             everything = [_largest(volumes)] if volumes is not None else alone
-            shown = [opened.of(one).fields[0] for one in everything]
-            seen = compose_camera(scene.replace(field=shown), picture.size, **pick(CameraOptions, options))
+            of_steps = [opened.of(one).fields[0] for one in everything]
+            seen = compose_camera(scene.replace(field=of_steps), picture.size, **pick(CameraOptions, options))
         if is_auto(options.get("depth_cue")):
             scene = scene.replace(depth_cue=fitting_depth_cue(scene, seen)).with_quality(scene.quality)
     scene, renderer = settled(api.Prepared(scene, seen, picture.size, picture.renderer))
-    return SharedLook(scene, of_data, kernel, floor, look, colors), seen, picture.size, renderer
+    return SharedLook(scene, of_data, kernel, floor or False, look, colors), seen, picture.size, renderer
 
 
 def _width(field: Field) -> float:

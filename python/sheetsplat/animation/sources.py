@@ -15,7 +15,7 @@ from sheetsplat import api
 from sheetsplat.errors import complain
 from sheetsplat.fields import Field, RegularField
 from sheetsplat.look.automatic import choose
-from sheetsplat.look.decades import logarithmic
+from sheetsplat.look.decades import in_decades
 from sheetsplat.look.strays import without_strays
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
@@ -63,8 +63,8 @@ class SharedLook:
         Options of `sheetsplat.open`, without quality.
     kernel
         Options of the kernels of volumes, found once; None: as the data have them.
-    floor
-        The value from which decades count, where the look shows logarithms that nobody asked for.
+    log
+        The option of this name: the value from which decades count in all steps, False where they show values.
     given
         The options of the look that were given, for what is left out.
     colors
@@ -75,7 +75,7 @@ class SharedLook:
     scene: Scene
     opened: Mapping[str, Any]
     kernel: Mapping[str, Any] | None = None
-    floor: float | None = None
+    log: bool | float | None = False
     given: Mapping[str, Any] = field(default_factory=dict)
     colors: tuple[Any, tuple[float, float]] | None = None
 
@@ -84,15 +84,14 @@ class SharedLook:
         if isinstance(data, Scene):
             return data
         opened: Any = {**self.opened, **(options or {})}
-        fields = api.to_fields(data, **opened)
+        fields: Sequence[Field] = api.Opened.of(data, opened).fields
         if len(fields) != len(self.scene.fields):
             raise complain(
                 "a step of the film cannot be drawn",
                 f"{len(fields)} fields",
                 f"{len(self.scene.fields)}, as the others",
             )
-        if self.floor is not None:
-            fields = [logarithmic(one, self.floor) for one in fields]
+        fields = in_decades(fields, {**self.given, "mode": self.scene.mode}, self.log)
         fields = without_strays(fields, self.given, framed=False)
         if self.kernel is not None:
             kernel = dict(self.kernel)

@@ -28,8 +28,8 @@ Draw = Callable[[BrickView, "Progress | None"], Finished]
 # What the plan expects of light that is looked up in volumes, and is measured: all pictures of a view have it. Effects
 # by their causes.
 _OF_LIGHT = {"shadows from a volume": "shadows", "occlusion from a volume": "ambient_occlusion"}
-# Of all that is done, what the picture at half the slice distance is, and what measuring light is.
-_HALVED_WORK, _LIGHT_WORK = 0.5, 0.1
+# Of all that is done, what the pictures at half and at twice the slice distance are, and what measuring light is.
+_HALVED_WORK, _DOUBLED_WORK, _LIGHT_WORK = 0.4, 0.1, 0.1
 
 
 def estimate_error(
@@ -95,11 +95,12 @@ def estimate_error(
     of_light = measured()
     finer = of(_with(unstopped, slice_spacing=0.5 * view.slice_spacing), _HALVED_WORK)
     of_light = of_light or measured()
+    coarser = of(_with(unstopped, slice_spacing=2.0 * view.slice_spacing), _DOUBLED_WORK)
     stops = not view.is_scalar and float(view.options["opacity_stop"]) < 1.0
     rest = (1.0 - done) / (1.0 + stops)
     exact = of(plain, rest)
     whole = of(unstopped, rest) if stops else exact
-    return _of_pictures(view, plan, drawn, (finer, exact, whole), of_light)
+    return _of_pictures(view, plan, drawn, (finer, exact, whole, coarser), of_light)
 
 
 def _with(view: BrickView, **options: float) -> BrickView:
@@ -110,11 +111,11 @@ def _of_pictures(
     view: BrickView,
     plan: RenderPlan,
     drawn: Finished,
-    further: tuple[Finished, Finished, Finished],
+    further: tuple[Finished, Finished, Finished, Finished],
     of_light: Mapping[str, float],
 ) -> ErrorEstimate:
-    """Return the estimate: `further` are at half the slice distance, in float64, and without a stop."""
-    finer, exact, whole = further
+    """Return the estimate: `further` are at half the slice distance, in float64, without a stop, and at twice it."""
+    finer, exact, whole, coarser = further
     # The pictures that it is compared with are drawn with all samples; rounding is far less.
     levels = [("coarser levels", 1.0, "")]
     others = [(cause, part, "") for cause, part in plan.error_budget.items() if cause not in _OF_LIGHT]
@@ -124,6 +125,7 @@ def _of_pictures(
             _pixels(exact),
             None if whole is exact else _pixels(whole),
             _pixels(finer),
+            _pixels(coarser),
             mode=view.mode,
             preintegration=bool(view.options["preintegration"]),
             budget=[

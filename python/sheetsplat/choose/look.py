@@ -28,6 +28,7 @@ from sheetsplat.options.scene import SceneOptions, iso_value_of
 from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
+from sheetsplat.weighted import is_weighted, sums_of
 
 # Percentiles of coordinates between which most centres lie, and the share of the whole extent below which the others
 # are far away.
@@ -68,7 +69,8 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
     function, look = _transfer_function(fields, mode, given.get("iso_value"), options, chosen)
     chooses_spacing = not spacing_is_free and "slice_spacing" not in given
     if chooses_spacing:
-        given["slice_spacing"] = spacing_of_data(fields, mode, look)
+        measured = [sums_of(one)[1] if is_weighted(one, mode) else one for one in fields]
+        given["slice_spacing"] = spacing_of_data(measured, mode, look)
     if look is not None and look.reference_length is not None:
         given.setdefault("reference_length", look.reference_length)
     shading = options.get("shading")

@@ -18,7 +18,7 @@ from sheetsplat.choose.slices import Size, error_of_light, slice_spacing, slices
 from sheetsplat.fields import Field, RegularField
 from sheetsplat.fields.regular import PLAIN_KERNEL
 from sheetsplat.framing import compose_camera, fitting_depth_cue
-from sheetsplat.look.decades import in_decades
+from sheetsplat.look.decades import in_decades, with_log_scale
 from sheetsplat.look.strays import without_strays
 from sheetsplat.look.surface import surface_text
 from sheetsplat.modes import TRAITS
@@ -62,9 +62,11 @@ def choose(
     cue_color
         To which a depth cue "auto" fades.
     """
-    look = {**(suggested or {}), **pick_given(LookOptions, options)}
+    look: Mapping[str, Any] = {**(suggested or {}), **pick_given(LookOptions, options)}
     framed = options.get("camera") is None and options.get("target") is None
-    usual = without_strays(in_decades(fields, look, options.get("log")), look, framed=framed)
+    log = options.get("log")
+    look = with_log_scale(fields, look, log)
+    usual = without_strays(in_decades(fields, look, log), look, framed=framed)
     with_kernels = [with_kernel(one, asked, made=made) for one in usual]
     kernels = tuple(decision for _, decided in with_kernels for decision in decided)
     # The camera decides on them.
@@ -72,7 +74,7 @@ def choose(
     given: Any = {name: value for name, value in look.items() if name not in of_camera}
     scene = compose_scene([field for field, _ in with_kernels], spacing_is_free=asked.free, **given)
     with _complaining_first(scene):
-        camera = camera_of(applied(scene, [slice_spacing(scene, asked)]), size, options)
+        camera = camera_of(applied(_measured(scene), [slice_spacing(_measured(scene), asked)]), size, options)
         if "depth_cue" in of_camera:
             scene = scene.sketch(depth_cue=fitting_depth_cue(scene, camera, cue_color))
         scene, set_ = at_quality(scene, asked, camera, size)
@@ -126,16 +128,22 @@ def scene_of_quality(scene: Scene, name: str, camera: Camera, size: Size) -> Sce
 
 def at_quality(scene: Scene, asked: Asked, camera: Camera, size: Size) -> tuple[Scene, tuple[Decision, ...]]:
     """Return a scene with what the quality sets in a picture of it, and what that is."""
-    light = error_of_light(scene, asked, camera, size)
-    of_light = samples_for_light(scene, asked, light)
-    of_slices = [slice_spacing(scene, asked, (camera, size), light, of_light.value)]
+    seen = _measured(scene)
+    light = error_of_light(seen, asked, camera, size)
+    of_light = samples_for_light(seen, asked, light)
+    of_slices = [slice_spacing(seen, asked, (camera, size), light, of_light.value)]
     if TRAITS[scene.mode].is_composited:
         of_slices.append(opacity_stop(scene, asked))
-    sliced = applied(scene, of_slices)
+    sliced = applied(seen, of_slices)
     samples = supersampling(sliced, asked, camera, size, of_light)
-    sampled = applied(sliced, [samples])
-    filtering = kernel_filter(sampled, asked, camera, size)
-    return applied(sampled, [filtering]), (*of_slices, samples, filtering)
+    filtering = kernel_filter(applied(sliced, [samples]), asked, camera, size)
+    set_ = (*of_slices, samples, filtering)
+    return applied(scene, set_), set_
+
+
+def _measured(scene: Scene) -> Scene:
+    """Return the scene whose kernels decide on camera, slices and samples: of a weighted mean that of the weight."""
+    return scene if scene.sums is None else scene.sums[1]
 
 
 def _decided(scene: Scene, camera: Camera, asked: Asked, set_: tuple[Decision, ...]) -> Decisions:

@@ -9,9 +9,10 @@ import click
 
 from sheetsplat.cli.films import Film, film_options
 from sheetsplat.cli.help import GroupedCommand
+from sheetsplat.cli.options import apply, options_of
 from sheetsplat.cli.output import check_outputs
 from sheetsplat.errors import InvalidInput
-from sheetsplat.options.film import MOST_FRAMES
+from sheetsplat.options.film import MOST_FRAMES, BetweenOptions
 
 if TYPE_CHECKING:
     from sheetsplat.animation import Animation
@@ -45,12 +46,14 @@ def _camera_of(path: Path) -> Camera:
     help="A picture (.png) or scene file (.toml) whose camera is a key frame; repeated, the camera moves smoothly "
     "through them, in their order.",
 )
+@apply(options_of(BetweenOptions))
 @film_options
 def command(
     files: tuple[Path, ...],
     output: Path,
     frames: int | None,
     keys: tuple[Path, ...],
+    between: int | None,
     fps: float,
     as_json: bool,
     quiet: bool,
@@ -66,6 +69,7 @@ def command(
     \b
     Examples:
       sheetsplat animate run/step*.nrrd -o run.mp4 --fps 12
+      sheetsplat animate snapshot_*.hdf5 --between 9 -o run.mp4
       sheetsplat animate head.nrrd -o flight.mp4 --frames 120 --key front.png --key side.png --key top.toml
     """  # noqa: D301
     from sheetsplat.animation import animate
@@ -75,7 +79,7 @@ def command(
     def made(data: Any, **keywords: Any) -> Animation:
         camera = [_camera_of(path) for path in keys] or None
         try:
-            return animate(data, frames, fps=fps, camera=camera, **keywords)
+            return animate(data, frames, between=between, fps=fps, camera=camera, **keywords)
         except InvalidInput as error:
             if frames is None and error.option == "frames":
                 told = "this file stays the same; give --frames, and --key for a camera that moves"

@@ -218,6 +218,7 @@ def _regular_rows(report: dict[str, Any]) -> list[tuple[str, str]]:
         ("spacing", _listed(report["spacing"])),
         ("origin", _listed(report["origin"])),
         ("extent", _listed(report["extent"])),
+        *((name, report[name]) for name in ("axes", "mirrored", "converted") if name in report),
         ("memory", f"{report['memory_bytes'] / 1e6:.1f} MB as {report['kept_as']}"),
     ]
 

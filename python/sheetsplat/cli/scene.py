@@ -48,6 +48,8 @@ def file_options(options: dict[str, Any]) -> dict[str, Any]:
         given["periodic"] = (given["periodic"][:3], given["periodic"][3:])
     if options["log_floor"] is not None:
         given["log"] = options["log_floor"]
+    if given["weight"] is not None and Path(given["weight"]).is_file():
+        given["weight"] = Path(given["weight"])
     return given
 
 
@@ -160,7 +162,7 @@ def prepare(
     opened = file_options(options)
     asked = Asked.of("render", {name: value for name, value in options.items() if value is not None})
     with usage_errors(reading=True):
-        fields = api.to_fields(path, **opened) if open_file is None else [open_file(path, **opened)]
+        fields = api.Opened.of(path, opened).fields if open_file is None else [open_file(path, **opened)]
     with usage_errors():
         given = {**options, **look, "log": opened["log"]}
         made = choose(fields, given, asked, size, cue_color=options["depth_cue_color"] or (0, 0, 0))

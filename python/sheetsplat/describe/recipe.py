@@ -99,7 +99,9 @@ class FieldRecipe:
             # Axes have lengths.
             del options["axes" if field.axes is None else "spacing"]
         ghosts = field.ghost_options if isinstance(field, EllipsoidField) else None
-        return cls(kind, options, dict(field.opened), field.quantity, ghosts, field.trim)
+        # Weights that are no array of the file have no name.
+        unnamed = {"weight": None} if field.weighting is not None else {}
+        return cls(kind, options, {**unnamed, **field.opened}, field.quantity, ghosts, field.trim)
 
     def kernels_of(self, field: Field) -> Field:
         """Return a volume with the kernels of the one in the picture, unless it has some of its own."""
@@ -210,7 +212,10 @@ class Recipe:
         return Scene(groups, self.transfer_functions, **self.options)
 
     def to_json(self) -> str:
-        """Return it as JSON, with the version of the package."""
+        """Return it as JSON, with the version of the package. InvalidInput for weights that are no array of a file."""
+        if any("weight" in one.opened and one.opened["weight"] is None for one in self.fields):
+            found = "weights that are no array of the data's file"
+            raise complain("the picture cannot be described", found, "weights by their name")
         told = {
             "format": FORMAT,
             "version": _sheetsplat.__version__,

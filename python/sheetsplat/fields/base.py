@@ -38,6 +38,7 @@ def _restored(kind: type[Field], parts: dict[str, Any]) -> Field:
     field._opened = MappingProxyType(parts.pop("opened"))
     field._orientation = parts.pop("orientation")
     field._trim = parts.pop("trim")
+    field._weighting = parts.pop("weighting")
     field._restore(parts)
     return field
 
@@ -48,7 +49,10 @@ class Field(ABC):
     Made by `RegularField` and `EllipsoidField`.
     """
 
-    __slots__ = ("_falloff", "native", "_normalization", "_opened", "_orientation", "_quantity", "_trim", "_w0")
+    __slots__ = (
+        *("_falloff", "native", "_normalization", "_opened", "_orientation", "_quantity", "_trim", "_w0"),
+        "_weighting",
+    )
     _falloff: float
     native: _sheetsplat.RegularField | _sheetsplat.EllipsoidField
     _normalization: str
@@ -57,6 +61,7 @@ class Field(ABC):
     _quantity: Quantity
     _trim: Trim
     _w0: float
+    _weighting: NDArray[np.float64] | None
 
     def __init__(self) -> None:
         raise TypeError("a field is made by RegularField or EllipsoidField")
@@ -97,6 +102,7 @@ class Field(ABC):
             "opened": dict(self._opened),
             "orientation": self._orientation,
             "trim": self._trim,
+            "weighting": self._weighting,
         }
         parts = {
             name: np.ascontiguousarray(one) if isinstance(one, np.ndarray) else one
@@ -121,11 +127,67 @@ class Field(ABC):
         if hash(self) != hash(other) or self._quantity != other._quantity or self._orientation != other._orientation:
             return False
         mine, others = self._parts(), other._parts()
-        return all(_same(part, others[name]) for name, part in mine.items())
+        alike = all(_same(part, others[name]) for name, part in mine.items())
+        return alike and _same(self._weighting, other._weighting)
 
     def __hash__(self) -> int:
         """Return a hash of the options and of the range of values."""
         return hash((type(self), self.size, self.value_range, self._falloff, self._normalization, self._w0))
+
+    weighting = Forwarded[NDArray[np.float64] | None](
+        "_weighting", "Weights of means along rays, by `weighted_by`, as many as there are values; None: without."
+    )
+
+    def weighted_by(self, weight: ArrayLike | Field | None) -> Self:
+        """Return the same field, whose pictures of mode average are weighted means. Conventions, section 7.
+
+        Parameters
+        ----------
+        weight
+            A field on the same lattice, or of the same kernels, whose values count, or an array of the shape of
+            `values`; none below 0, and not all 0. None: no weights.
+
+        Raises
+        ------
+        InvalidInput
+            For other lattices and kernels, other shapes, and such numbers.
+        Unsupported
+            For data in bricks.
+
+        Examples
+        --------
+        >>> temperature, density = ss.RegularField(values), ss.RegularField(1 + values)
+        >>> ss.render(temperature.weighted_by(density), mode="average", size=(32, 32)).is_scalar
+        True
+        """
+        if weight is None:
+            return self._with(_weighting=None)
+        what = f"{type(self).__name__}: weights of means"
+        own: Any = self
+        if isinstance(weight, Field):
+            other: Any = weight
+            if not self._lies_as(weight):
+                raise complain(
+                    unusable(what), repr(weight), f"a field that lies as {self!r} does", "resample one to the other"
+                )
+            weight = other.values
+        weights = numbers(what, weight, f"an array of shape {own.values.shape}")
+        if weights.shape != own.values.shape:
+            raise complain(
+                unusable(what), f"an array of shape {weights.shape}", f"shape {own.values.shape}, as the values have"
+            )
+        known = weights[~np.isnan(own.values)]
+        if not np.isfinite(known).all() or (known < 0.0).any() or not (known > 0.0).any():
+            wrong = known[~(known >= 0.0) | np.isinf(known)]
+            found = f"{wrong[0]:g}, and {wrong.size} such numbers" if wrong.size else "no number above 0"
+            raise complain(unusable(what), found, "finite numbers of at least 0, not all 0")
+        kept = np.array(weights, dtype=np.float64)
+        kept.flags.writeable = False
+        return self._with(_weighting=kept)
+
+    def _lies_as(self, other: Field) -> bool:
+        """Return whether another field has values at the same places, for the same kernels."""
+        return False
 
     def with_quantity(
         self,
@@ -141,7 +203,11 @@ class Field(ABC):
         """
         given = {"name": name, "unit": unit, "length_unit": length_unit, "floor": floor, "axes": axes}
         changes: dict[str, Any] = {key: one for key, one in given.items() if one is not None}
-        return self._with(_quantity=replace(self._quantity, **changes))
+        return self.of_quantity(replace(self._quantity, **changes))
+
+    def of_quantity(self, quantity: Quantity) -> Self:
+        """Return the same field, without a copy of its arrays, with another quantity."""
+        return self._with(_quantity=quantity)
 
     def opened_with(self, options: Mapping[str, Any]) -> Self:
         """Return the same field with the options of `sheetsplat.open` that made it, for the pictures of it."""

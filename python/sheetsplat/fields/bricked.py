@@ -137,7 +137,7 @@ class BrickedField(RegularField):
         axes: Any = None,
     ) -> None:
         self._quantity, self._opened, self._orientation = source.quantity, NOT_OPENED, source.orientation
-        self._trim, self._prober = Trim(), None
+        self._trim, self._prober, self._weighting = Trim(), None, None
         self._place(axes, spacing)
         self._origin = triple("open_bricks: origin", origin)
         self._lattice = choice("open_bricks: lattice", lattice, ("cartesian", "bcc"))
@@ -220,8 +220,8 @@ class BrickedField(RegularField):
         survey = self.survey.shown_by(source)
         return self._with(source=source, survey=survey, native=self._stand_in(source, survey))
 
-    def logarithmic(self, floor: float) -> BrickedField:
-        """Return a field of log10(value / floor), 0 for smaller values."""
+    def logarithmic(self, floor: float | None) -> BrickedField:
+        """Return a field of log10(value / floor), 0 for smaller values; without a floor one of the values."""
         return self._shown(floor=floor)
 
     def clipped(self, limits: tuple[float, float]) -> BrickedField:

@@ -155,8 +155,8 @@ class BrickedKernels(EllipsoidField):
         native = self.with_rows(*rows, value_range=facts.value_range).native
         return self._with(source=source, facts=facts, native=native)
 
-    def logarithmic(self, floor: float) -> BrickedKernels:
-        """Return a field of log10(value / floor), 0 for smaller values."""
+    def logarithmic(self, floor: float | None) -> BrickedKernels:
+        """Return a field of log10(value / floor), 0 for smaller values; without a floor one of the values."""
         return self._shown(floor=floor)
 
     def clipped(self, limits: tuple[float, float]) -> BrickedKernels:
@@ -166,6 +166,10 @@ class BrickedKernels(EllipsoidField):
     def nearest_kernel(self, points: ArrayLike) -> NDArray[np.int64]:
         """Raise Unsupported: kernels are not in memory."""
         self._refuse("numbers of kernels")
+
+    def weighted_by(self, weight: Any) -> NoReturn:
+        """Raise Unsupported: kernels are not in memory."""
+        self._refuse("weighted means")
 
     def with_ghost_points(self, *, distance: float = 1.0, weight: float = 1.0) -> NoReturn:
         """Raise Unsupported: kernels are not in memory."""

@@ -194,7 +194,7 @@ class EllipsoidField(Field):
         self._base = number("EllipsoidField: base", base)
         self._periodic = periodic_box("EllipsoidField", periodic)
         self._quantity, self._opened, self._orientation, self._trim = Quantity(), NOT_OPENED, None, Trim()
-        self._ghosts, self._ghost_options = 0, None
+        self._ghosts, self._ghost_options, self._weighting = 0, None, None
         rest = {"scales": scales, "rotations": rotations, "values": values, "weights": weights}
         places, sizes, turns, heights, masses = _kernels(nan, centers, **rest)
         self.native = self._made(places, sizes, turns, heights, masses)
@@ -216,10 +216,15 @@ class EllipsoidField(Field):
             rotations,
             values,
             weights=weights,
-            **{name: getattr(self, f"_{name}") for name in _OPTIONS},
+            **{**{name: getattr(self, f"_{name}") for name in _OPTIONS}, **of_part},
             unit_rotations=unit_rotations,
-            **of_part,
         )
+
+    def _lies_as(self, other: Field) -> bool:
+        """Return whether another field has kernels with the same centres and semi-axes."""
+        if not isinstance(other, EllipsoidField):
+            return False
+        return np.array_equal(self.centers, other.centers) and np.array_equal(self.scales, other.scales)
 
     def _parts(self) -> dict[str, Any]:
         arrays = {name: getattr(self.native, name) for name in _ARRAYS}
@@ -256,8 +261,9 @@ class EllipsoidField(Field):
         weights: NDArray[Any] | None,
         *,
         value_range: tuple[float, float] | None = None,
+        **changes: Any,
     ) -> EllipsoidField:
-        """Return the field of other kernels with the same options, for pictures in bricks.
+        """Return the field of other kernels with the same options, but for those that are given.
 
         Parameters
         ----------
@@ -265,14 +271,17 @@ class EllipsoidField(Field):
             Rows of the arrays of a field of this package: quaternions have unit length to the last digit.
         value_range
             As for `part`; that of the values unless given.
+        changes
+            Other options of a field.
         """
         if weights is not None and not weights.any():
             # A field needs a weight above 0; those of 0 are drawn as this.
             weights = np.full_like(weights, _LEAST_WEIGHT)
         # The native range is offset by the base.
         counted = None if value_range is None else tuple(value - self._base for value in value_range)
-        native = self._made(centers, scales, rotations, values, weights, unit_rotations=True, value_range=counted)
-        return self._with(native=native)
+        rows = centers, scales, rotations, values, weights
+        native = self._made(*rows, unit_rotations=True, value_range=counted, **changes)
+        return self._with(native=native, **{f"_{name}": one for name, one in changes.items()})
 
     @classmethod
     def from_covariances(
@@ -481,7 +490,8 @@ class EllipsoidField(Field):
             np.concatenate((self.values, np.full(count, self._base))),
             None if weights is None else np.concatenate((weights, np.full(count, mass))),
         )
-        return self._with(native=field.native, _ghosts=count, _ghost_options=(away, mass))
+        weighting = None if self._weighting is None else np.concatenate((self._weighting, np.zeros(count)))
+        return self._with(native=field.native, _ghosts=count, _ghost_options=(away, mass), _weighting=weighting)
 
     def __repr__(self) -> str:
         """Return a short description."""

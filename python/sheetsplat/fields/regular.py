@@ -221,6 +221,7 @@ class RegularField(Field):
         axes: ArrayLike | None = None,
     ) -> None:
         self._quantity, self._opened, self._orientation, self._trim = Quantity(), NOT_OPENED, None, Trim()
+        self._weighting = None
         self._place(axes, spacing)
         self._origin = triple("RegularField: origin", origin)
         self._lattice = choice("RegularField: lattice", lattice, ("cartesian", "bcc"))
@@ -322,8 +323,15 @@ class RegularField(Field):
 
     def _told_by(self, other: RegularField) -> Self:
         """Return the same field with what another one of its samples says about them."""
-        told = self._with(_opened=other._opened, _orientation=other._orientation, _trim=other._trim)
+        same = {name: getattr(other, name) for name in ("_opened", "_orientation", "_trim", "_weighting")}
+        told = self._with(**same)
         return told.with_quantity_of_samples(other._quantity, other.spacing, other.origin, other.lattice)
+
+    def _lies_as(self, other: Field) -> bool:
+        """Return whether another volume has the same lattice."""
+        if not isinstance(other, RegularField) or (self.shape, self.lattice) != (other.shape, other.lattice):
+            return False
+        return bool(np.allclose((self.spacing, self.origin), (other.spacing, other.origin), rtol=1e-6, atol=0.0))
 
     def with_quantity_of_samples(self, quantity: Quantity, spacing: Triple, origin: Triple, lattice: str) -> Self:
         """Return the same field with what its samples are where they lie at another spacing and origin.
@@ -448,9 +456,9 @@ class RegularField(Field):
     @property
     def domain(self) -> Bounds | None:
         """World-aligned box around where the volume ends, its lower and its upper corner; None: it ends nowhere."""
-        if self._axes is not None:
-            return ending.domain(self.shape, self._lattice, self._boundary, self._spacing, self._origin, self._axes)
-        return super().domain
+        if self._axes is None:
+            return super().domain
+        return ending.domain(self.shape, self._lattice, self._boundary, self._spacing, self._origin, self._axes)
 
     @property
     def kernels_at_a_point(self) -> float:
@@ -470,7 +478,7 @@ class RegularField(Field):
 
     def inside(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which points (M, 3) lie in the volume's domain, (M,)."""
-        if self.domain is None or self._axes is None:
+        if self._axes is None or self.domain is None:
             return super().inside(points)
         places = (points - self._origin) @ np.linalg.inv(self._axes) + ending.DOMAIN
         within: NDArray[np.bool_] = np.all((places >= 0.0) & (places <= self.shape[::-1]), axis=1)

@@ -40,6 +40,19 @@ def chosen_step(path: Where, count: int, step: int | None) -> int:
     return step or 0
 
 
+def chosen_channel(path: Path, count: int, labels: Sequence[object], name: str | None) -> int:
+    """Return the number of the channel that is asked for by label or number, else of the only one."""
+    if name is None and count == 1:
+        return 0
+    names = [(printable(labels[at]) if at < len(labels) else "") or str(at) for at in range(min(count, 1000))]
+    if name in names:
+        return names.index(name)
+    if name is not None and name.isascii() and name.isdigit() and len(name) < 9 and int(name) < count:
+        return int(name)
+    advice = "pass " + option_ref("name", "...") + ", its label or its number"
+    raise unreadable(path, f"{count} channels: {listed(names)}", "one of them", advice, option="name")
+
+
 def sides(shape: Sequence[int]) -> str:
     """Return sizes for a message."""
     return " x ".join(map(str, shape))
@@ -120,3 +133,22 @@ def beside(header: Path, name: str) -> Path:
             "put both files into one folder and name the data file without a path",
         )
     return path
+
+
+def require_volume(where: str, shape: Any, dtype: Any) -> None:
+    """Raise InvalidInput unless an array has three axes and real numbers, OutOfMemory where it does not fit."""
+    check_volume(where, shape, dtype)
+    # The array, and the copy that the field keeps.
+    _memory.require(2 * math.prod(map(int, shape)) * np.dtype(dtype).itemsize, where)
+
+
+def check_volume(where: str, shape: Any, dtype: Any) -> None:
+    """Raise InvalidInput unless an array has three axes of known sizes and real numbers."""
+    if len(shape) != 3:
+        advice = "choose one channel or one time step" if len(shape) > 3 else ""
+        raise unreadable(where, f"{len(shape)} axes, shape {tuple(shape)}", "three axes, values[k, j, i]", advice)
+    if np.dtype(dtype).kind not in "biuf":
+        raise unreadable(where, f"values of type {dtype}", "integers, booleans or real floating-point numbers")
+    if not all(math.isfinite(size) for size in shape):
+        advice = "compute the sizes first: compute_chunk_sizes()"
+        raise unreadable(where, f"shape {tuple(shape)}, which is not known yet", "known sizes", advice)

@@ -13,7 +13,7 @@ from sheetsplat._objects import ObjectKind
 from sheetsplat.errors import Error, OutOfMemory, complain, missing_package, option_refs
 from sheetsplat.fields import EllipsoidField, RegularField
 from sheetsplat.io.kernels import given
-from sheetsplat.io.opening import READING, field_of_record, refused_for
+from sheetsplat.io.opening import READING, field_of_record, refused_for, weighted
 from sheetsplat.io.records import Scattered, Volume
 
 
@@ -55,8 +55,12 @@ def read_object(data: object, kind: ObjectKind, options: Mapping[str, Any]) -> V
 
 def field_of_object(data: object, kind: ObjectKind, options: Mapping[str, Any]) -> RegularField | EllipsoidField:
     """Return the field of an object; `options` are those of `sheetsplat.open` that the caller gave."""
-    record = read_object(data, kind, options)
-    refused_for(kind.name, record, options)
-    if isinstance(record, Scattered):
-        record = record.usable(kind.name, options.get("nan", "error"))
-    return field_of_record(record, options, kind.name)
+
+    def read(chosen: Mapping[str, Any]) -> RegularField | EllipsoidField:
+        record = read_object(data, kind, chosen)
+        refused_for(kind.name, record, chosen)
+        if isinstance(record, Scattered):
+            record = record.usable(kind.name, chosen.get("nan", "error"))
+        return field_of_record(record, chosen, kind.name)
+
+    return weighted(read, options)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import pkgutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from sheetsplat import _memory
 from sheetsplat._checks import is_off, shown
 from sheetsplat.errors import complain, option_refs
 from sheetsplat.fields import EllipsoidField, NanPolicy, RegularField
-from sheetsplat.io.axes import tell_units
+from sheetsplat.io.axes import placement, settled, tell_units
 from sheetsplat.io.checks import Where, printable, unreadable
 from sheetsplat.io.formats import FORMATS, SCATTERED, Format, find_format, format_of
 from sheetsplat.io.kernels import field_of, given, log_base, logarithm
@@ -26,15 +27,12 @@ from sheetsplat.io.source import opened
 # Options of regular volumes alone, and of scattered data alone.
 REGULAR = (
     *("shape", "dtype", "offset", "name", "resample", "spacing", "origin", "lattice", "radius", "prefilter"),
-    "boundary",
+    *("boundary", "axes"),
 )
 SCATTERED_ONLY = ("grid", "particles", "support", "fit", "neighbors", "min_scale", "periodic")
 _POINTS = ("grid", "scalar", "particles", "support", "step", "nan")
 _ELLIPSOIDS = ("fit", "neighbors", "normalization", "w0", "falloff", "min_scale", "base", "periodic")
-_SAMPLES = (
-    *("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan"),
-    *("boundary", "base"),
-)
+_SAMPLES = ("lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan", "boundary", "base")
 _RAW = ("shape", "dtype", "offset", "name", "resample", "step")
 #: Options that say how data are read.
 READING = (*_RAW, *(name for name in _POINTS if name != "nan"))
@@ -101,7 +99,7 @@ def read_volume(
             raise complain(what, wrong, "a regular volume", advice)
         _refuse_others(path, found, options)
         volume: Volume = found.read(source, **options)
-        return volume
+    return settled(str(path), volume)
 
 
 def read_scattered(
@@ -262,12 +260,11 @@ def _of_scattered(data: Scattered, options: Mapping[str, Any]) -> EllipsoidField
 
 def _of_volume(volume: Volume, options: Mapping[str, Any]) -> RegularField:
     if "spacing" not in options:
-        tell_units(volume.quantity.axes, volume.values.shape, volume.spacing)
-    placed: dict[str, Any] = {"origin": volume.origin}
-    if "axes" not in options:
-        placed["spacing"] = volume.spacing
-    chosen = {**placed, **{name: options[name] for name in _SAMPLES if name in options}}
-    field = RegularField(volume.values, **chosen)
+        tell_units(volume.quantity, volume.values.shape, volume.spacing)
+    chosen = placement(volume, options)
+    if volume.packing.missing and np.isnan(volume.values).any():
+        chosen["nan"] = "skip"
+    field = RegularField(volume.values, **chosen | {name: options[name] for name in _SAMPLES if name in options})
     field = field.with_quantity_of_samples(volume.quantity, volume.spacing, volume.origin, "cartesian")
     return field.with_orientation(volume.orientation)
 
@@ -278,7 +275,7 @@ def field_of_record(
     """Return the field of data that were read; `options` are those of `sheetsplat.open` that the caller gave."""
     if isinstance(record, Scattered):
         return _of_scattered(record, options)
-    return _of_volume(_in_decades(record, options.get("log", False), where), options)
+    return _of_volume(_in_decades(settled(where, record), options.get("log", False), where), options)
 
 
 def open_field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> RegularField | EllipsoidField:
@@ -287,7 +284,19 @@ def open_field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> Regu
         raise complain("the file cannot be read", f"{type(path).__name__}, {shown(path)}", "a path")
     # Paths are nothing that a field says about itself.
     opened = {name: value for name, value in options.items() if name != "grid"}
-    return _field(path, options).opened_with(opened)
+    return weighted(partial(_field, path), options).opened_with(opened)
+
+
+def weighted(
+    read: Callable[[Mapping[str, Any]], RegularField | EllipsoidField], options: Mapping[str, Any]
+) -> RegularField | EllipsoidField:
+    """Return the field that `read` makes by options, with weights where they name an array of the same data."""
+    rest = {name: one for name, one in options.items() if name != "weight"}
+    field = read(rest)
+    if "weight" not in options:
+        return field
+    of_weight = {name: one for name, one in rest.items() if name not in ("name", "scalar", "log", "base")}
+    return field.weighted_by(read({**of_weight, "scalar": options["weight"]}))
 
 
 def _field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> RegularField | EllipsoidField:

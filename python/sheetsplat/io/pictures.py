@@ -30,8 +30,10 @@ _RASTERS: dict[str, tuple[str, dict[str, Any]]] = {
     ".tiff": ("TIFF", {"compression": "tiff_adobe_deflate"}),
     ".webp": ("WEBP", {"lossless": True, "exact": True}),
 }
+#: Of pictures of numbers.
+FITS = ".fits"
 #: Suffixes of pictures.
-SUFFIXES = (*_RASTERS, *FLOATS)
+SUFFIXES = (*_RASTERS, *FLOATS, FITS)
 #: Suffixes of further outputs and of differences.
 CHANNEL_SUFFIXES = (".png", *FLOATS)
 

@@ -40,7 +40,8 @@ def choose_scalar(
     path
         For messages.
     wanted
-        The scalar that the user asks for: an array, or one column of one, NAME_x, NAME_y, NAME_z or NAME_0, NAME_1 …
+        The scalar that the user asks for: an array, in any case where one alone is meant, or one column of one, NAME_x,
+        NAME_y, NAME_z or NAME_0, NAME_1 …
     preferred
         Arrays to take in this order where `wanted` is None; after them the first with one column, then the first.
     widths
@@ -51,6 +52,9 @@ def choose_scalar(
     if wanted is None:
         single = [name for name, width in widths.items() if width == 1]
         wanted = next((name for name in (*preferred, *single, *widths) if name in widths), "")
+    same = [name for name in widths if name.lower() == wanted.lower()]
+    if wanted not in widths and len(same) == 1:
+        wanted = same[0]
     if wanted in widths:
         return wanted, wanted, 0 if widths[wanted] == 1 else None
     match = _PART.fullmatch(wanted)

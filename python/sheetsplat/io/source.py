@@ -24,6 +24,7 @@ from sheetsplat.io.stored import StoredSamples, fetch_of
 
 # Largest compression ratio of deflate (RFC 1951: a match of 258 bytes in two bits), and a margin for short files.
 DEFLATE_RATIO = 1032
+_HDF5 = b"\x89HDF\r\n\x1a\n"
 _DEFLATE_SLACK = 4096
 _MOST_FILES = 100_000
 _NUMBERS = re.compile("([0-9]{1,18})")
@@ -225,6 +226,23 @@ class Source(contextlib.ExitStack):
         payload = self.payload(encoding)
         payload.skip(skip)
         return payload.located(dtype, count) if located else payload.array(dtype, count)
+
+
+def hdf5_start(source: Source) -> int | None:
+    """Return the byte at which HDF5 begins in a file, behind what its user put before it; None for other files.
+
+    What a user puts there, as MATLAB does, has 512 bytes or a multiple that is a power of two; here at most 2^20.
+    """
+    for start in (0, *(512 << power for power in range(12))):
+        source.stream.seek(start)
+        begin = source.stream.read(len(_HDF5))
+        if begin == _HDF5:
+            source.stream.seek(0)
+            return start
+        if len(begin) < len(_HDF5):
+            break
+    source.stream.seek(0)
+    return None
 
 
 class Folder(contextlib.ExitStack):

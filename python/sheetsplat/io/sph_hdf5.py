@@ -96,6 +96,11 @@ class _Group:
         """Return the unit of a dataset, or of what a table of the header has; None where it is not known."""
         return particle_units.unit_of(self._datasets.get(name, self._group), name, told)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the datasets of numbers."""
+        return tuple(self._datasets)
+
     def widths(self) -> dict[str, int]:
         """Return the number of columns of every dataset with a row for each particle, except the positions."""
         return {
@@ -205,7 +210,7 @@ def read(
         For damaged files, missing groups or datasets, and datasets of other lengths or larger than what is stored.
     """
     with h5py.File(checked(source), "r") as file:
-        group = _group_of(source.path, file, particles, rows)
+        group = group_of(source.path, file, particles, rows)
         return _read_group(source.path, file, group, scalar, support)
 
 
@@ -219,8 +224,8 @@ def locate(
     """
     path = source.path
     with h5py.File(checked(source), "r") as file:
-        group = _group_of(path, file, particles)
-        box = _periodic(path, particle_units.box(_homes(path, file)), group)
+        group = group_of(path, file, particles)
+        box = _periodic(path, particle_units.box(homes_of(path, file)), group)
         return group.count, _located(path, file, group, support, box), box
 
 
@@ -260,7 +265,8 @@ def _periodic(path: Path, sides: Triple | None, group: _Group) -> Bounds | None:
     return periodic_box(str(path), ((0.0, 0.0, 0.0), sides))
 
 
-def _group_of(path: Path, file: Any, particles: str | None, rows: tuple[int, int] | None = None) -> _Group:
+def group_of(path: Path, file: Any, particles: str | None, rows: tuple[int, int] | None = None) -> _Group:
+    """Return a group of particles, PartType0 unless named. InvalidInput where there is none."""
     name = _DEFAULT if particles is None else particles
     group = inside(path, file, name)
     number = _TYPES.get(name.lower().replace(" ", "_").replace("-", "_"))
@@ -275,8 +281,8 @@ def _group_of(path: Path, file: Any, particles: str | None, rows: tuple[int, int
     return _Group(path, group, name, rows)
 
 
-def _homes(path: Path, file: Any) -> dict[str, Any]:
-    """Return the groups that say something about all particles."""
+def homes_of(path: Path, file: Any) -> dict[str, Any]:
+    """Return the groups of a file that say something about all particles."""
     found = {name: inside(path, file, name) for name in file if name in particle_units.HOMES}
     return particle_units.homes_of(found)
 
@@ -314,7 +320,7 @@ def _read_group(path: Path, file: Any, group: _Group, scalar: str | None, suppor
     of_table = base == "Masses" and not group.has(base)
     values = np.full(group.size, share) if of_table else column_of(group.read(base), column)
     lengths = group.column(_SMOOTHING)
-    homes = _homes(path, file)
+    homes = homes_of(path, file)
     told, sides = particle_units.header(homes), particle_units.box(homes)
     details = {"particles": name, **_about(told)}
     box = _periodic(path, sides, group) if group.is_whole else None

@@ -1,18 +1,22 @@
-"""Values of many decades: whether the histogram asks for their logarithm, and the field of it."""
+"""Values of many decades: whether a picture shows their logarithm, the field of it, and the field of the values."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetsplat import _memory
+from sheetsplat._checks import is_off
+from sheetsplat.errors import complain, option_ref
 from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Field, RegularField
 from sheetsplat.fields.samples import Samples, samples_of
 from sheetsplat.look.histogram import beyond_pictures, choose_for
 from sheetsplat.look.measure import with_values
+from sheetsplat.modes import TRAITS
 from sheetsplat.options.core import COLORED, MODES
 from sheetsplat.options.look import IN_VALUES
 
@@ -27,26 +31,62 @@ _FLOOR = 0.1
 _ZEROS = 0.5
 
 
-def in_decades(fields: Sequence[Field], look: Mapping[str, Any], log: object) -> list[Field]:
-    """Return fields with the logarithms of their values where the histogram asks for them and nobody chose.
+def in_decades(fields: Sequence[Field], look: Mapping[str, Any], log: Any) -> list[Field]:
+    """Return fields with the logarithms of their values where a picture shows them.
+
+    Modes that add along rays show sums and means of the values, never of their logarithms.
 
     Parameters
     ----------
     fields
-        Of a picture. Logarithms of several fields would not add up; they stay as they are.
+        Of a picture. The histogram never asks for logarithms of several fields, which would not add up.
     look
-        The options of the picture; where some of them are values of the field, the field stays as it is.
+        The options of the picture; where some of them are values of the field, the histogram is not asked.
     log
-        The option of this name: only None asks.
+        The option of this name; None: as the histogram says.
+
+    Raises
+    ------
+    InvalidInput
+        What `log_base` and `itself` raise.
     """
     same = list(fields)
     mode = look.get("mode", MODES[0])
+    if _adds(mode):
+        return [itself(one) for one in same]
+    if not is_off(log):
+        return [_shown_by(one, log) for one in same]
     if log is not None or len(same) != 1 or not (isinstance(mode, str) and mode in COLORED):
         return same
     if _holds_pairs(look.get("opacity")) or any(look.get(name) is not None for name in IN_VALUES):
         return same
     floor = floor_of(same[0])
     return same if floor is None else [logarithmic(same[0], floor)]
+
+
+def with_log_scale(fields: Sequence[Field], look: Mapping[str, Any], log: Any) -> Mapping[str, Any]:
+    """Return the look of a picture; one of sums along rays for which logarithms were asked shows those of the sums.
+
+    `fields`: as they were given; `look`, `log`: as for `in_decades`.
+    """
+    asked = not is_off(log) or any(one.quantity.floor is not None for one in fields)
+    chosen = any(look.get(name) is not None for name in ("scalar_colors", "log_scale"))
+    return {**look, "log_scale": True} if _adds(look.get("mode")) and asked and not chosen else look
+
+
+def _adds(mode: object) -> bool:
+    return isinstance(mode, str) and mode in TRAITS and TRAITS[mode].adds
+
+
+def _shown_by(field: Field, log: Any) -> Field:
+    """Return a field with the logarithms that the option `log` asks for; one that has them stays as it is."""
+    # Readers are not needed before.
+    from sheetsplat.io.kernels import log_base
+
+    if field.quantity.floor is not None or not field.size:
+        return field
+    values: Any = field.values if isinstance(field, RegularField | EllipsoidField) else np.zeros(0)
+    return logarithmic(field, log_base(values, field.quantity.name or "the samples", log))
 
 
 def _holds_pairs(opacity: object) -> bool:
@@ -116,23 +156,55 @@ def _shown(values: NDArray[np.float64]) -> float:
 
 
 def logarithmic(field: Field, floor: float) -> Field:
-    """Return a field of log10(value / floor), 0 for smaller values."""
+    """Return a field of log10(value / floor), 0 for smaller values. OutOfMemory where they do not fit."""
     # Readers are not needed before.
     from sheetsplat.io.kernels import logarithm
 
+    name = field.quantity.name or "the samples"
+    shown = _with_numbers(field, floor, lambda values: logarithm(values, name, floor))
+    return shown.opened_with({**field.opened, "log": floor})
+
+
+def itself(field: Field) -> Field:
+    """Return the field of the values whose logarithms a field has; any other field as it is.
+
+    Raises
+    ------
+    InvalidInput
+        Where values may have been raised to the number from which decades count, which cannot be taken back.
+    """
+    floor, log = field.quantity.floor, field.opened.get("log")
+    if floor is None:
+        return field
+    in_bricks = isinstance(field, BrickedField | BrickedKernels)
+    if not (in_bricks or log is None or log is True) and field.value_range[0] <= 0.0:
+        raise complain(
+            "sums along rays cannot be shown",
+            f"logarithms of values raised to {floor:g}",
+            "the values themselves",
+            "open them without " + option_ref("log") + ", and give it to the picture",
+            option="log",
+        )
+    made = _with_numbers(field, None, lambda values: floor * 10.0**values)
+    return made.opened_with({name: one for name, one in field.opened.items() if name != "log"})
+
+
+def _with_numbers(field: Field, floor: float | None, change: Callable[[NDArray[np.float64]], Any]) -> Field:
+    """Return a field whose numbers are decades above `floor`, or values where that is None, by a change of them."""
     shown: Field
-    values: Any
     if isinstance(field, BrickedField | BrickedKernels):
         shown = field.logarithmic(floor)
     elif isinstance(field, RegularField):
+        _memory.require(3 * 8 * field.values.size, f"the logarithms of {field.quantity.name or 'the samples'}")
         wide = np.float32 if field.values.dtype.itemsize <= 4 else np.float64
-        values = logarithm(field.values.astype(np.float64), field.quantity.name or "the samples", floor)
         # NaN samples stay: their kernels are left out.
-        values = np.where(np.isnan(field.values), np.nan, values).astype(wide)
-        shown = field.replace(values)
+        values = np.where(np.isnan(field.values), np.nan, change(field.values.astype(np.float64))).astype(wide)
+        shown = field.replace(values, **({} if floor is not None else {"base": None}))
     else:
         assert isinstance(field, EllipsoidField)
-        values = logarithm(field.values, field.quantity.name or "the values", floor)
-        shown = with_values(field, values)
-    shown = shown.with_quantity(**asdict(replace(field.quantity, floor=floor))).with_orientation(field.orientation)
-    return shown.opened_with({**field.opened, "log": floor})
+        numbers = change(field.values)
+        if floor is None:
+            # Ghost points have the base.
+            numbers[field.size - field.ghosts :] = 0.0
+        shown = with_values(field, numbers, **({} if floor is not None else {"base": 0.0}))
+    return shown.of_quantity(replace(field.quantity, floor=floor)).with_orientation(field.orientation)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,9 +29,9 @@ _LEAST_CELLS = 12
 _PER_CELL = 4.0
 
 
-def with_values(field: EllipsoidField, values: Floats) -> EllipsoidField:
-    """Return a field of the same kernels with other values, (N,)."""
-    return field.with_rows(field.centers, field.scales, field.rotations, values, field.weights)
+def with_values(field: EllipsoidField, values: Floats, **changes: Any) -> EllipsoidField:
+    """Return a field of the same kernels with other values, (N,), and some options changed."""
+    return field.with_rows(field.centers, field.scales, field.rotations, values, field.weights, **changes)
 
 
 @dataclass(frozen=True)

@@ -82,7 +82,8 @@ def trimmed(field: Field, trim: Trim) -> Field:
     made = cast(EllipsoidField, field)
     kept = np.setdiff1d(np.arange(made.size), trim.kernels)
     rotations, weights = (None if rows is None else rows[kept] for rows in (made.rotations, made.weights))
-    return made.with_rows(made.centers[kept], made.scales[kept], rotations, values[kept], weights).with_trim(trim)
+    fewer = made.with_rows(made.centers[kept], made.scales[kept], rotations, values[kept], weights)
+    return fewer.weighted_by(None if made.weighting is None else made.weighting[kept]).with_trim(trim)
 
 
 def _within(field: Field, clim: Any) -> Field:

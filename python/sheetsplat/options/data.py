@@ -4,11 +4,11 @@ import os
 from collections.abc import Sequence
 from typing import Annotated, Literal, TypedDict, get_args
 
-from numpy.typing import DTypeLike
+from numpy.typing import ArrayLike, DTypeLike
 
 from sheetsplat._checks import Vector
-from sheetsplat.fields import Boundary, EllipsoidField, Lattice, NanPolicy, Normalization, RegularField
-from sheetsplat.options.core import CommandLine, Option, defaults_of, value_text
+from sheetsplat.fields import Boundary, EllipsoidField, Field, Lattice, NanPolicy, Normalization, RegularField
+from sheetsplat.options.core import MEANS, CommandLine, Option, defaults_of, value_text
 from sheetsplat.options.quality import QualityOptions
 from sheetsplat.options.values import NUMBER, POSITIVE, Numbers, Special, Whole
 
@@ -159,13 +159,18 @@ class FileOptions(TypedDict, total=False):
     offset: Annotated[int, Option("Raw samples: number of bytes before the first one.", default=0, value=Whole(0))]
     name: Annotated[
         str | None,
-        Option("The array to take of a file with several volumes; of DICOM the series, of OME-Zarr the channel."),
+        Option(
+            "The array to take of a file with several volumes; of DICOM the series, of OME-Zarr and TIFF the channel.",
+            called=("channel", "series", "variable", "array", "dataset"),
+        ),
     ]
     step: Annotated[
         int | None,
         Option(
-            "The time step to take of a file with several, from 0 on: NetCDF, OME-Zarr, .vtkhdf, .pvd.",
+            "The time step to take of a file with several, from 0 on: NetCDF, Zarr, HDF5, TIFF, NIfTI, DICOM, .vtkhdf, "
+            ".pvd.",
             unset="the only one",
+            called=("time", "timestep", "time_step", "t"),
             value=Whole(0),
         ),
     ]
@@ -174,6 +179,25 @@ class FileOptions(TypedDict, total=False):
         Option(
             "Scattered data and .vti: the array to show, by its name in the file; NAME_x is one component of a vector, "
             "NAME its length. PLOT3D: density, momentum, energy, velocity, pressure, temperature, mach …"
+        ),
+    ]
+    weight: Annotated[
+        str | os.PathLike[str] | ArrayLike | Field | None,
+        Option(
+            "Mode average: the mean along each ray is weighted, as temperature by density. The name of another array "
+            "in the file, a path of another file, a field on the same lattice or of the same kernels, or their "
+            "numbers; none below 0.",
+            unset="all slices weigh the same",
+            modes=MEANS,
+            accepts="str, path, array or Field",
+            cli=(
+                CommandLine(
+                    value=Special.TEXT,
+                    metavar="NAME",
+                    help="Mode average: weights of the mean along each ray; the name of another array in the file, or "
+                    "another file.",
+                ),
+            ),
         ),
     ]
     resample: Annotated[
@@ -188,7 +212,8 @@ class FileOptions(TypedDict, total=False):
         bool | float | None,
         Option(
             "Show log10(value / smallest value), in decades; or, where it is a number, log10(value / number), with "
-            "smaller values raised to that number.",
+            "smaller values raised to that number. Modes xray and average are of the values themselves: there it "
+            "stands for {log_scale}.",
             unset="False; in a picture by the histogram",
             accepts="bool or float",
             cli=(

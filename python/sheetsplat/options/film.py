@@ -105,6 +105,21 @@ class TurnOptions(TypedDict, total=False):
     degrees: Annotated[float, Option("Angle of the whole turn.", default=360.0, check=number, value=Real())]
 
 
+class BetweenOptions(TypedDict, total=False):
+    """Frames between the steps of a series."""
+
+    between: Annotated[
+        int | None,
+        Option(
+            "Snapshots of particles: number of frames between each two of them, in which every particle follows its "
+            "path by its positions and velocities.",
+            unset="the snapshots alone",
+            check=frames_of,
+            value=Whole(1, MOST_FRAMES),
+        ),
+    ]
+
+
 class SharedOptions(SizeOptions, LookOptions, CameraOptions, RendererOptions, OpenOptions, total=False):
     """What the frames of a film share with pictures."""
 
@@ -124,7 +139,7 @@ class TurntableOptions(TurnOptions, FilmOptions, SharedOptions, total=False):
     ]
 
 
-class AnimateOptions(FilmOptions, SharedOptions, total=False):
+class AnimateOptions(BetweenOptions, FilmOptions, SharedOptions, total=False):
     """Every keyword argument of `sheetsplat.animate` but the number of frames."""
 
     camera: Annotated[

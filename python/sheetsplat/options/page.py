@@ -6,7 +6,7 @@ from sheetsplat.options.bricks import BrickOptions, ClusterOptions
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import MODES, Option, definitions, in_python
 from sheetsplat.options.data import FileOptions, KernelOptions, PlacementOptions
-from sheetsplat.options.film import FilmOptions, TurnOptions
+from sheetsplat.options.film import BetweenOptions, FilmOptions, TurnOptions
 from sheetsplat.options.look import TransferOptions
 from sheetsplat.options.picture import ObjectOptions, PictureOptions
 from sheetsplat.options.quality import QualityOptions
@@ -49,6 +49,7 @@ GROUPS: tuple[tuple[str, tuple[type, ...]], ...] = (
     ("Data in bricks", (BrickOptions, ClusterOptions)),
     ("Films", (FilmOptions,)),
     ("Turntables", (TurnOptions,)),
+    ("Time series", (BetweenOptions,)),
 )
 
 

@@ -100,7 +100,7 @@ class RenderOptions(
 def _modes() -> dict[str, tuple[str, ...]]:
     """Return the modes that use an option or an output, by its names in Python and on the command line."""
     found = dict(_OUTPUT_MODES)
-    for name, defined in definitions(LookOptions).items():
+    for name, defined in definitions(RenderOptions).items():
         for known in (name, *(one.parameter for one in defined.spellings if one.parameter)):
             found[known] = defined.modes
     return found

@@ -262,13 +262,13 @@ def slices_for_ends(scene: Scene, camera: Camera) -> float | None:
         box = _end_of(one)
         if box is None:
             continue
-        normals, lengths = np.eye(3), np.subtract(box[1], box[0])
+        lengths, normals = np.subtract(box[1], box[0]), np.eye(3)
         if isinstance(one, RegularField):
             layer, normals = heights(one.steps)
-            lengths = layer_counts(one.shape, one.lattice) * layer
+            lengths = layer * layer_counts(one.shape, one.lattice)
         along = np.flatnonzero(np.abs(normals @ back) > _ALONG)
         if along.size and _jump(one) > _JUMP:
-            length = lengths[along[0]]
+            length = float(lengths[along[0]])
             wanted = min(wanted, length / max(2 * math.ceil(0.5 * length / wanted * (1.0 - 1e-9)), _FEWEST_SLICES))
     return None if math.isclose(wanted, scene.slice_spacing, rel_tol=1e-9) else wanted
 

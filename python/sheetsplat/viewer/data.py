@@ -21,6 +21,7 @@ from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Fiel
 from sheetsplat.fields.samples import ArraySamples
 from sheetsplat.framing import compose_camera
 from sheetsplat.io.opening import time_steps
+from sheetsplat.look.decades import itself
 from sheetsplat.look.histogram import stride_of
 from sheetsplat.modes import TRAITS
 from sheetsplat.options.camera import CameraOptions
@@ -253,7 +254,9 @@ class Shown:
         options["mode"] = mode
         for name in _OF_ONE_MODE:
             options.pop(name, None)
-        made = prepare(Opened(list(own.fields), own.fields), **options)
+        in_decades = any(one.quantity.floor is not None for one in own.fields)
+        # What their logarithms were taken of is added up along rays.
+        made = prepare(opened if in_decades and TRAITS[mode].adds else Opened(list(own.fields), own.fields), **options)
         return _with_scene(made, made.scene.with_quality(_joined(own.quality, made.scene.quality)))
 
     def coarse(self, fields: tuple[Field, ...], key: tuple[int, int]) -> tuple[Field, ...] | None:
@@ -294,6 +297,9 @@ def _in_mode(scene: Scene, mode: str, options: Mapping[str, Any]) -> Scene:
     if TRAITS[mode].shows_surfaces and scene.iso_value is None:
         low, high = scene.fields[0].value_range
         changes["iso_value"] = 0.5 * (low + high)
+    if TRAITS[mode].adds:
+        groups = [[itself(one) for one in fields] for fields in scene.groups]
+        changes["field"] = groups if len(groups) > 1 else groups[0]
     return scene.replace(**changes).with_quality(scene.quality)
 
 

@@ -229,6 +229,17 @@ TEST(Budget, WhatIsOutOfReachIsSeenEarly) {
     EXPECT_LE(choose_settings(Settings{}, Freedom{}, {1e-9, {}}, judge).error, 1e-9);
 }
 
+TEST(Budget, WhatIsKeptWithoutTheMarginIsTaken) {
+    Formula judge;
+    judge.noise = 0.9e-3;
+    const Choice choice = choose_settings({}, {}, {1e-3, {}}, judge);
+    EXPECT_LE(choice.error, 1e-3);
+    EXPECT_GT(choice.error, 0.85e-3);
+    EXPECT_TRUE(choice.error_kept);
+    judge.noise = 1.1e-3;
+    EXPECT_THROW(choose_settings({}, {}, {1e-3, {}}, judge), Unsupported);
+}
+
 TEST(Budget, ATimeTooShortGetsTheFastestAndSaysSo) {
     Formula judge;
     const Choice choice = choose_settings(Settings{}, Freedom{}, {{}, 0.01}, judge);

@@ -55,7 +55,7 @@ def test_tiles_of_scalar_pictures_count_as_whole_pictures_do(mode: Any) -> None:
     samples = 200.0 * error_scenes.smooth_noise(np.random.default_rng(3), (18, 20, 22), 1.2)
     scene = ss.Scene(ss.RegularField(samples), [(0, 0, 0, 0, 0), (200, 1, 1, 1, 1)], mode=mode)
     found = []
-    for size in ((250, 250), (264, 264)):
+    for size in ((120, 120), (136, 136)):
         image = ss.Renderer("cpu", max_error=1e-3).render(scene, ss.Camera.fit(scene.fields[0]), size)
         assert image.settings is not None
         found.append(image.settings["slice_spacing"])
@@ -90,6 +90,52 @@ def test_the_bound_holds_by_tiles(kind: Any, boundary: Any) -> None:
     # The default misses it.
     usual = ss.Renderer("cpu").render(scene, camera, size)
     assert np.sqrt(np.mean((usual.pixels - converged.pixels) ** 2)) > 1e-3
+
+
+def first_order() -> np.ndarray[Any, Any]:
+    """Return integers of a body that its volume cuts: errors fall at first order."""
+    z, y, x = np.mgrid[-1:1:14j, -1:1:30j, -1:1:30j]
+    body = 1.3 - np.sqrt(0.6 * x**2 + y**2 + z**2) + 0.25 * np.sin(7 * x) * np.cos(6 * y)
+    return np.clip(200 * body, 0, 255).astype(np.uint8)
+
+
+def truth(image: ss.Image, data: Any) -> float:
+    """Return the distance from the converged picture, by ever closer slices in float64 whose steps are carried on."""
+    assert image.settings is not None
+    scene, camera = ss.api.prepare(data, size=image.size, backend="cpu", max_error=1.0).scene, image.camera
+    drawn = [
+        ss.Renderer("cpu", precision="float64")
+        .render(scene.replace(slice_spacing=image.settings["slice_spacing"] / n, opacity_stop=1.0), camera, image.size)
+        .rgba.astype(np.float64)
+        for n in (2, 4, 8)
+    ]
+    first, second = drawn[1] - drawn[0], drawn[2] - drawn[1]
+    repeated = min(max(float((first * second).sum() / (first * first).sum()), 0.0), 0.5)
+    converged = drawn[2] + second * repeated / (1 - repeated)
+    return float(np.sqrt(np.mean((image.rgba - converged) ** 2)))
+
+
+def test_errors_that_fall_at_first_order_are_seen() -> None:
+    """What is expected, and what image.error measures, are near the true error, and the bound is kept."""
+    data = first_order()
+    image = ss.render(data, size=144, backend="cpu", max_error=3e-4)
+    found = truth(image, data)
+    assert found <= 3e-4
+    assert 0.8 * found < image.error.rmse < 1.5 * found
+    assert 0.95 * found < image.stats["estimated_rmse"] <= 3e-4
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_a_measured_volume_keeps_its_bound(data_dir: Path) -> None:
+    """The lobster, whose picture was said to have half of its error."""
+    path = data_dir / "lobster_120x120x34_uint8.nrrd"
+    if not path.exists():
+        pytest.skip(f"{path} is not there")
+    image = ss.render(path, size=160, backend="cpu", max_error=1e-4)
+    found = truth(image, path)
+    assert found <= 1e-4
+    assert 0.8 * found < image.error.rmse < 1.5 * found
 
 
 def test_the_bound_is_what_decides(exact: ss.Renderer) -> None:

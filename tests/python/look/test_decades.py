@@ -8,7 +8,8 @@ from command_line import run
 
 import sheetsplat as ss
 from sheetsplat.choose.look import compose_scene
-from sheetsplat.look.decades import floor_of, in_decades
+from sheetsplat.fit._kernels import unit_mass
+from sheetsplat.look.decades import floor_of, in_decades, itself, logarithmic
 
 SMALL = {"size": (32, 32), "backend": "cpu"}
 
@@ -163,3 +164,71 @@ def test_the_logarithm_of_an_array_is_drawn(rng):
     assert ss.render(values, log=True, nan="skip", size=(16, 12)).rgba.any()
     with pytest.raises(ss.InvalidInput, match="not above 0"):
         ss.render(values - 1.0, log=True, nan="skip", size=(16, 12))
+
+
+def blobs(rng, size=24):
+    """Return a volume of three decades that ends in its lowest value, and the mass in it."""
+    z, y, x = np.mgrid[-1 : 1 : size * 1j, -1 : 1 : size * 1j, -1 : 1 : size * 1j]
+    values = (1e-2 + 20.0 * np.exp(-12.0 * (x**2 + 1.5 * y**2 + z**2))).astype(np.float32)
+    return values, float(values.sum(dtype=np.float64))
+
+
+def particles(rng, count=60):
+    """Return kernels of masses that go over decades, and their sum."""
+    sizes = rng.uniform(0.2, 0.4, count)
+    masses = 10 ** rng.uniform(0, 3, count)
+    values = masses / (unit_mass(8.0) * sizes**3)
+    return ss.EllipsoidField(rng.normal(size=(count, 3)), sizes, values=values, normalization="none"), masses.sum()
+
+
+def shown_mass(image):
+    width, height = image.size
+    return float(image.scalar.sum(dtype=np.float64)) * (image.camera.height / height) ** 2
+
+
+def test_sums_along_rays_are_of_the_values_and_never_of_their_logarithms(rng, tmp_path):
+    volume, volume_mass = blobs(rng)
+    kernels, kernel_mass = particles(rng)
+    np.save(tmp_path / "v.npy", volume)
+    ss.io.save_npz(kernels, tmp_path / "k.npz")
+    look = {"mode": "xray", "size": 160, "backend": "cpu", "quality": "best"}
+    for path, mass in ((tmp_path / "v.npy", volume_mass), (tmp_path / "k.npz", kernel_mass)):
+        look["camera"] = ss.Camera.fit(ss.open(path), "-x", "z")
+        # As an option of the picture, with a number or without, and as one of the field.
+        for data, log in ((path, True), (path, 5.0), (ss.open(path, log=True, quality="best"), None)):
+            image = ss.render(data, **look, **({} if log is None else {"log": log}))
+            assert shown_mass(image) == pytest.approx(mass, rel=1e-3)
+            assert image.recipe.options["scalar_colors"].log and not image.plan.notes
+    # Without logarithms the colours are those of the sums; a scale that was given stays.
+    assert not ss.render(tmp_path / "v.npy", **look).recipe.options["scalar_colors"].log
+    assert not ss.render(tmp_path / "v.npy", log=True, log_scale=False, **look).recipe.options["scalar_colors"].log
+
+
+def test_means_along_rays_are_of_the_values(rng):
+    values = np.full((6, 8, 8), 1.0)
+    values[:3] = 100.0
+    image = ss.render(values, log=True, mode="average", direction="-z", size=24, backend="cpu", quality="best")
+    assert image.scalar[12, 12] == pytest.approx(50.5, rel=1e-3)
+
+
+def test_raised_values_cannot_be_taken_back(rng):
+    kernels, _ = particles(rng)
+    raised = logarithmic(ss.RegularField(blobs(rng)[0]), 1.0)
+    with pytest.raises(ss.InvalidInput, match="raised to 1"):
+        ss.render(raised, mode="xray", size=8)
+    low = logarithmic(kernels, float(kernels.values.min()) / 2)
+    assert np.allclose(itself(low).values, kernels.values, rtol=1e-12)
+    with pytest.raises(ss.InvalidInput, match="log_scale"):
+        ss.Scene(low, [(0, 0, 0, 0, 0), (1, 1, 1, 1, 1)], mode="xray")
+
+
+def test_films_add_up_values(rng):
+    values, mass = blobs(rng)
+    camera = ss.Camera.fit(ss.RegularField(values), "-x", "z")
+    film = ss.animate(
+        [values, 2 * values], mode="xray", log=True, camera=camera, size=96, backend="cpu", quality="best"
+    )
+    first, second = film[0], film[1]
+    assert shown_mass(first) == pytest.approx(mass, rel=1e-3)
+    assert shown_mass(second) == pytest.approx(2 * mass, rel=1e-3)
+    assert first.recipe.options["scalar_colors"].log

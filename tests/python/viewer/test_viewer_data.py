@@ -39,6 +39,17 @@ def test_steps_of_a_file_are_times(opened, tmp_path, engine):
         assert frames.levels(space["image"], (0, 0, 0)).tolist() == frames.levels(image, (0, 0, 0)).tolist(), mode
 
 
+def test_sums_along_rays_are_of_values_whose_logarithms_are_shown(opened):
+    values = 10.0 ** (6 * volume()[::2, ::2, ::2].astype(np.float32) / volume().max())
+    session = opened(values, log=True)
+    assert session.scene().fields[0].quantity.floor is not None
+    page = Page(session)
+    page.set(mode="xray")
+    page.wait("frame", last=True)
+    assert np.array_equal(session.scene().fields[0].values, values)
+    assert session.scene().scalar_colors.log
+
+
 def test_scattered_data_and_their_code(opened):
     rng = np.random.default_rng(3)
     data = {"x": rng.random(200), "y": rng.random(200), "z": rng.random(200), "value": rng.random(200)}

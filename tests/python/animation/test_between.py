@@ -1,0 +1,149 @@
+"""Frames between snapshots of particles: paths, masses, units of time, and what is refused."""
+
+import h5py
+import numpy as np
+import pytest
+from command_line import run
+
+import sheetsplat as ss
+from sheetsplat.io.particle_motion import age, read_motion
+
+COUNT = 150
+CAMERA = ss.Camera.orthographic((0, 0, 50), (0, 0, 0), height=7)
+LOOK = {"mode": "xray", "size": 48, "backend": "cpu", "camera": CAMERA, "clim": (0, 4), "slice_spacing": 0.05}
+
+
+def orbits(time, rng):
+    """Return places and velocities of particles on inclined circles, at a time; half a turn takes about 3."""
+    radius, phase, tilt = rng.uniform(1.0, 2.5, COUNT), rng.uniform(0, 7, COUNT), rng.uniform(-0.4, 0.4, COUNT)
+    speed = radius**-0.5
+    angle = phase + speed / radius * time
+    turned = np.column_stack([np.cos(angle), np.sin(angle) * np.cos(tilt), np.sin(angle) * np.sin(tilt)])
+    ahead = np.column_stack([-np.sin(angle), np.cos(angle) * np.cos(tilt), np.cos(angle) * np.sin(tilt)])
+    return radius[:, None] * turned, speed[:, None] * ahead
+
+
+def snapshot(time):
+    places, velocities = orbits(time, np.random.default_rng(5))
+    # Sizes and densities of equal masses breathe.
+    sizes = 0.35 * (1 + 0.2 * np.sin(time + np.arange(COUNT)))
+    field = ss.EllipsoidField(places, sizes, values=sizes**-3, normalization="none")
+    return ss.Snapshot(field, np.arange(COUNT) + 100, velocities, time)
+
+
+def decibels(image, true):
+    return 10 * np.log10(np.ptp(true.scalar) ** 2 / np.mean((image.scalar - true.scalar) ** 2))
+
+
+def mass(field):
+    weights = 1.0 if field.weights is None else field.weights
+    return float((weights * field.values * field.scales**3).sum())
+
+
+def test_a_left_out_snapshot_of_orbits():
+    first, middle, last = (snapshot(time) for time in (0.0, 0.8, 1.6))
+    true = ss.render(middle.field, **LOOK)
+    film = ss.animate([first, last], between=1, **LOOK)
+    assert len(film) == 3
+    ends = [ss.render(one.field, **LOOK).scalar for one in (first, last)]
+    # The ends are the snapshots.
+    assert all(np.allclose(film[n].scalar, one, atol=1e-5) for n, one in zip((0, 2), ends, strict=True))
+    faded = 10 * np.log10(np.ptp(true.scalar) ** 2 / np.mean((0.5 * (ends[0] + ends[1]) - true.scalar) ** 2))
+    assert decibels(film[1], true) > faded + 6.0
+    places = first.towards(last, 0.5).centers
+    straight = 0.5 * (first.field.centers + last.field.centers)
+    off = [np.abs(one - middle.field.centers).max() for one in (places, straight)]
+    assert off[0] < 0.02 and off[1] > 0.25
+
+
+def test_mass_stays():
+    first, last = snapshot(0.0), snapshot(1.0)
+    found = [mass(first.towards(last, share)) for share in np.linspace(0, 1, 9)]
+    assert np.allclose(found, COUNT, rtol=1e-6)
+    film = ss.animate([first, last], between=3, **LOOK)
+    shown = [one.scalar.sum() for one in film]
+    assert np.allclose(shown, shown[0], rtol=0.02)
+
+
+def test_particles_that_appear_and_vanish_fade():
+    first, last = snapshot(0.0), snapshot(1.0)
+    some = ss.Snapshot(last.field.part(np.arange(10, COUNT)), last.ids[10:], last.velocities[10:], last.time)
+    half = first.towards(some, 0.25)
+    assert half.size == COUNT and np.allclose(half.weights[-10:], 0.75)
+    assert np.allclose(half.centers[-10:], first.field.centers[:10] + 0.25 * first.velocities[:10])
+    back = some.towards(ss.Snapshot(first.field, first.ids, first.velocities, 2.0), 0.25)
+    assert np.allclose(back.weights[-10:], 0.25)
+    assert mass(some.towards(ss.Snapshot(first.field, first.ids, first.velocities, 2.0), 1.0)) == pytest.approx(COUNT)
+
+
+def test_a_periodic_box():
+    box = ((0, 0, 0), (10, 10, 10))
+    one = ss.Snapshot(ss.EllipsoidField([(9.5, 5, 5)], 1.0, values=[1.0], periodic=box), [1], [(1, 0, 0)], 0.0)
+    other = ss.Snapshot(ss.EllipsoidField([(0.5, 5, 5)], 1.0, values=[1.0], periodic=box), [1], [(1, 0, 0)], 1.0)
+    assert np.allclose(one.towards(other, 0.25).centers, [(9.75, 5, 5)])
+    assert np.allclose(one.towards(other, 0.75).centers, [(0.25, 5, 5)])
+
+
+def write(path, time, places, velocities, order, header=None, cosmology=None):
+    with h5py.File(path, "w") as file:
+        file.create_group("Header").attrs.update({"Time": time, **(header or {})})
+        if cosmology:
+            file.create_group("Parameters").attrs.update(cosmology)
+        group = file.create_group("PartType0")
+        group["Coordinates"], group["Velocities"] = places[order], velocities[order]
+        group["ParticleIDs"] = (np.arange(len(places)) + 7)[order]
+        group["SmoothingLength"] = np.full(len(places), 0.5)
+        group["Density"], group["Masses"] = np.full(len(places), 2.0), np.full(len(places), 0.1)
+
+
+def test_files_in_any_order_of_their_particles(tmp_path):
+    rng = np.random.default_rng(5)
+    paths = [tmp_path / f"{n}.hdf5" for n in range(3)]
+    for n, path in enumerate(paths):
+        write(path, 0.8 * n, *orbits(0.8 * n, np.random.default_rng(5)), rng.permutation(COUNT))
+    look = {**LOOK, "clim": None}
+    film = ss.animate([paths[0], paths[2]], between=1, **look)
+    true, faded = ss.render(paths[1], **look), 0.5 * (film[0].scalar + film[2].scalar)
+    best = 10 * np.log10(np.ptp(true.scalar) ** 2 / np.mean((faded - true.scalar) ** 2))
+    assert decibels(film[1], true) > best + 6.0
+    assert mass(ss.Snapshot.read(paths[0]).towards(ss.Snapshot.read(paths[2]), 0.4)) == pytest.approx(
+        mass(ss.open(paths[0])), rel=1e-6
+    )
+    options = ("--mode", "xray", "--size", "24", "--backend", "cpu")
+    run("animate", paths[0], paths[2], "--between", "1", "-o", tmp_path / "film", *options)
+    assert len(list((tmp_path / "film").iterdir())) == 3
+
+
+def test_the_time_of_cosmological_runs(tmp_path):
+    # Without curvature and Λ the age is 2 / (3 H); of the usual universe today 0.964 / H.
+    hubble = 0.7 * 1e7 / 3.0856775814913673e24
+    assert age(0.25, 0.7, 1.0, 0.0) == pytest.approx(2 / 3 * 0.25**1.5 / hubble, rel=1e-9)
+    assert age(1.0, 0.7, 0.3, 0.7) == pytest.approx(0.96410 / hubble, rel=1e-4)
+    # A particle of 100 km/s √a at a = 0.25, in comoving kpc/h: dx/dt = u √a / a.
+    units = {"UnitLength_in_cm": 3.0857e21, "UnitMass_in_g": 1.989e43, "UnitVelocity_in_cm_per_s": 1e5}
+    header = {"Redshift": 3.0, "Omega0": 0.3, "OmegaLambda": 0.7, "HubbleParam": 0.7, "BoxSize": 1e4, **units}
+    write(tmp_path / "a.hdf5", 0.25, np.full((1, 3), 500.0), np.full((1, 3), 100.0), [0], header)
+    motion = read_motion(tmp_path / "a.hdf5")
+    assert motion.velocities[0, 0] == pytest.approx(100e5 * 0.25**0.5 / (3.0857e21 * 0.25 / 0.7), rel=1e-6)
+    assert motion.time == pytest.approx(age(0.25, 0.7, 0.3, 0.7))
+
+
+def test_what_is_refused(tmp_path):
+    first, last = snapshot(0.0), snapshot(1.0)
+    for words, snapshots in {
+        "rise": [last, first],
+        "no particle in both": [first, ss.Snapshot(last.field, last.ids + 1000, last.velocities, 1.0)],
+    }.items():
+        with pytest.raises(ss.InvalidInput, match=words):
+            _ = ss.animate(snapshots, between=1, **LOOK)[1]
+    with pytest.raises(ss.InvalidInput, match="two particles of one number"):
+        ss.Snapshot(first.field, np.zeros(COUNT, int), first.velocities, 0.0)
+    with pytest.raises(ss.InvalidInput, match="at least two snapshots"):
+        ss.animate([np.zeros((3, 3, 3))] * 2, between=1)
+    with pytest.raises(ss.InvalidInput, match="frames as well"):
+        ss.animate([first, last], 10, between=1)
+    with h5py.File(tmp_path / "a.hdf5", "w") as file:
+        file["PartType0/Coordinates"], file["PartType0/SmoothingLength"] = np.zeros((2, 3)), np.ones(2)
+        file["PartType0/Masses"] = np.ones(2)
+    with pytest.raises(ss.InvalidInput, match="ParticleIDs"):
+        ss.Snapshot.read(tmp_path / "a.hdf5")

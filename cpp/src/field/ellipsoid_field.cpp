@@ -310,51 +310,72 @@ void EllipsoidField::wrap_centers() {
 }
 
 void EllipsoidField::add_images() {
-    struct Image {
-        std::size_t kernel;
-        Vec3 center;
+    /// By how many sides a kernel and its images lie farther along each axis.
+    struct Images {
+        Vec3 first{0.0}, last{0.0};
+        double count = 1.0; ///< with the kernel itself
     };
-    std::vector<Image> images;
-    const std::size_t n = size();
-    for (std::size_t i = 0; i < n; ++i) {
+    Vec3 side(0.0);
+    const Box& box = domain_->box;
+    for (int axis = 0; axis < 3; ++axis) {
+        side[axis] = is_finite(box.lower[axis]) ? box.upper[axis] - box.lower[axis] : 0.0;
+    }
+    const auto images_of = [&](std::size_t i) {
         const Vec3 reach = extent(i), at = center(i);
-        // First and last number of sides by which an image lies farther along each axis.
-        Vec3 first(0.0), last(0.0), side(0.0);
-        double count = 1.0;
+        Images found;
         for (int axis = 0; axis < 3; ++axis) {
-            const double lower = domain_->box.lower[axis], upper = domain_->box.upper[axis];
-            if (is_finite(lower)) {
-                side[axis] = upper - lower;
-                first[axis] = std::floor((lower - reach[axis] - at[axis]) / side[axis]) + 1.0;
-                last[axis] = std::ceil((upper + reach[axis] - at[axis]) / side[axis]) - 1.0;
-                count *= last[axis] - first[axis] + 1.0;
+            if (side[axis] > 0.0) {
+                found.first[axis] = std::floor((box.lower[axis] - reach[axis] - at[axis]) / side[axis]) + 1.0;
+                found.last[axis] = std::ceil((box.upper[axis] + reach[axis] - at[axis]) / side[axis]) - 1.0;
+                found.count *= found.last[axis] - found.first[axis] + 1.0;
             }
         }
+        return found;
+    };
+    const std::size_t n = size();
+    std::size_t all = n;
+    for (std::size_t i = 0; i < n; ++i) {
+        const double count = images_of(i).count;
         if (count > most_images) {
+            const Vec3 reach = extent(i);
             throw InvalidInput(Complaint{"EllipsoidField: the periodic box cannot be used",
                                          text_of(count) + " images of kernel " + text_of_count(i) +
                                              ", semi-axes up to " + text_of(std::max({reach.x, reach.y, reach.z})),
                                          "at most " + text_of(most_images) + " of a kernel",
                                          "use smaller kernels, or a larger box"});
         }
-        for (double z = first.z; z <= last.z; ++z) {
-            for (double y = first.y; y <= last.y; ++y) {
-                for (double x = first.x; x <= last.x; ++x) {
+        all += static_cast<std::size_t>(count) - 1;
+    }
+    const auto reserve = [&](auto& array) {
+        using Entry = typename std::decay_t<decltype(array)>::value_type;
+        require_memory(static_cast<std::uint64_t>(all) * sizeof(Entry), "the images of kernels",
+                       "use fewer kernels at a time");
+        array.reserve(all);
+    };
+    reserve(arrays_.centers);
+    reserve(owners_);
+    for (std::size_t i = 0; i < n; ++i) {
+        const Images found = images_of(i);
+        const Vec3 reach = extent(i);
+        for (double z = found.first.z; z <= found.last.z; ++z) {
+            for (double y = found.first.y; y <= found.last.y; ++y) {
+                for (double x = found.first.x; x <= found.last.x; ++x) {
                     if (x != 0.0 || y != 0.0 || z != 0.0) {
-                        images.push_back({i, at + Vec3(x, y, z) * side});
+                        const Vec3 at = center(i) + Vec3(x, y, z) * side;
+                        owners_.push_back(i);
+                        arrays_.centers.push_back(at);
+                        supports_world_ = Box{glm::min(supports_world_.lower, at - reach),
+                                              glm::max(supports_world_.upper, at + reach)};
                     }
                 }
             }
         }
     }
     const auto copy = [&](auto& array) {
-        using Entry = typename std::decay_t<decltype(array)>::value_type;
         if (!array.empty()) {
-            require_memory(static_cast<std::uint64_t>(n + images.size()) * sizeof(Entry), "the images of kernels",
-                           "use fewer kernels at a time");
-            array.reserve(n + images.size());
-            for (const Image& image : images) {
-                array.push_back(array[image.kernel]);
+            reserve(array);
+            for (const std::size_t kernel : owners_) {
+                array.push_back(array[kernel]);
             }
         }
     };
@@ -363,15 +384,6 @@ void EllipsoidField::add_images() {
     copy(arrays_.rotations);
     copy(arrays_.values);
     copy(arrays_.weights);
-    owners_.reserve(images.size());
-    arrays_.centers.reserve(n + images.size());
-    for (const Image& image : images) {
-        owners_.push_back(image.kernel);
-        arrays_.centers.push_back(image.center);
-        const Vec3 reach = extent(image.kernel);
-        supports_world_ = Box{glm::min(supports_world_.lower, image.center - reach),
-                              glm::max(supports_world_.upper, image.center + reach)};
-    }
 }
 
 std::int64_t EllipsoidField::given_kernel(std::int64_t number) const {

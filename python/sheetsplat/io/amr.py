@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetsplat.io.axes import settled
 from sheetsplat.io.checks import Where, require_rows, unreadable
 from sheetsplat.io.records import Floats, Scattered, Volume
 
@@ -51,15 +52,18 @@ def scattered(where: Where, levels: Sequence[Sequence[Volume]], file_format: str
     Raises
     ------
     InvalidInput
-        For no block, and values of points.
+        For no block, turned ones, and values of points.
     OutOfMemory
         Where the cells do not fit.
     """
+    levels = [[settled(where, one) for one in level] for level in levels]
     blocks = [one for level in levels for one in level]
     if not blocks:
         raise unreadable(where, "no blocks", "at least one")
     if any(one.details.get("scalar of") != "the cells" for one in blocks):
         raise unreadable(where, "values of points", "values of cells, of which the finest are shown")
+    if any(one.axes is not None for one in blocks):
+        raise unreadable(where, "blocks with turned axes", "axes along those of the world")
     require_rows(where, sum(one.values.size for one in blocks), 8)
     points, values, sizes, counts = [], [], [], []
     lower, upper = np.empty((0, 3)), np.empty((0, 3))

@@ -155,7 +155,7 @@ def find_support(
     from sheetsplat.fit import SPH_KERNELS
 
     wrapping = Wrapping(box)
-    known = np.isfinite(points).all(axis=1)
+    known = np.isfinite(points).all(axis=1) & np.isfinite(masses)
     points, lengths, masses, densities = (one[known] for one in (points, lengths, masses, densities))
     # Kernels much larger than the data overflow the tree's sums of squares.
     size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0

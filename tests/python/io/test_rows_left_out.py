@@ -48,12 +48,13 @@ def test_the_support_is_found_without_them(tmp_path):
     apart = np.linalg.norm(points[:, None] - points, axis=2) / (2 * lengths[0])
     kernel = 8 * ss.fit.SPH_KERNELS["cubic_spline"](2 * apart) / (2 * lengths[0]) ** 3
     density = kernel.sum(axis=1)
-    points[5, 1], density[6] = math.nan, math.nan
-    rows = {"Coordinates": points, "SmoothingLength": lengths, "Density": density, "Masses": np.ones(count)}
+    masses = np.ones(count)
+    points[5, 1], density[6], masses[7] = math.nan, math.nan, math.nan
+    rows = {"Coordinates": points, "SmoothingLength": lengths, "Density": density, "Masses": masses}
     path, _ = write_particles(tmp_path / "a.h5", count, **rows)
-    with pytest.warns(ss.PictureWarning, match="2 of 300 rows"):
+    with pytest.warns(ss.PictureWarning, match="3 of 300 rows"):
         data = ss.io.read_scattered(path, nan="skip")
-    assert len(data.points) == 298 and data.details["support"].startswith("2 smoothing lengths")
+    assert len(data.points) == 297 and data.details["support"].startswith("2 smoothing lengths")
 
 
 def test_gaussians(tmp_path):

@@ -78,13 +78,12 @@ SampleArray to_samples(const py::array& values) {
                                  "uint8, int16, uint16, float32 or float64 in this machine's byte order", ""});
 }
 
-std::shared_ptr<RegularField> make_field(const py::array& values, const Triple& spacing, const Triple& origin,
-                                         const std::string& lattice, double radius, double falloff,
-                                         const std::string& normalization, double w0, const std::string& nan,
-                                         bool prefilter, const std::string& boundary, std::optional<double> base,
-                                         double least_weight, const std::optional<py::array>& coefficients,
-                                         const std::optional<std::map<std::string, double>>& figures,
-                                         const std::optional<std::array<double, 2>>& value_range) {
+std::shared_ptr<RegularField>
+make_field(const py::array& values, const Triple& spacing, const Triple& origin, const std::string& lattice,
+           double radius, double falloff, const std::string& normalization, double w0, const std::string& nan,
+           bool prefilter, const std::string& boundary, std::optional<double> base, double least_weight,
+           const std::optional<py::array>& coefficients, const std::optional<std::map<std::string, double>>& figures,
+           const std::optional<std::array<double, 2>>& value_range, const std::optional<std::array<Triple, 3>>& axes) {
     SampleArray samples = to_samples(values);
     RegularFieldOptions options;
     options.spacing = to_vec3(spacing);
@@ -100,6 +99,9 @@ std::shared_ptr<RegularField> make_field(const py::array& values, const Triple& 
     options.base = base;
     options.least_weight = least_weight;
     options.value_range = value_range;
+    if (axes) {
+        options.axes.emplace(to_vec3((*axes)[0]), to_vec3((*axes)[1]), to_vec3((*axes)[2]));
+    }
     const std::array<std::size_t, 3> shape{static_cast<std::size_t>(values.shape(0)),
                                            static_cast<std::size_t>(values.shape(1)),
                                            static_cast<std::size_t>(values.shape(2))};
@@ -154,7 +156,8 @@ std::shared_ptr<EllipsoidField>
 make_ellipsoids(const py::array& centers, const py::array& scales, const std::optional<py::array>& rotations,
                 const py::array& values, const std::optional<py::array>& weights, const std::string& normalization,
                 double w0, double falloff, std::optional<double> min_scale, std::optional<double> cell_volume,
-                double base, bool unit_rotations, const std::optional<std::array<double, 2>>& value_range) {
+                double base, bool unit_rotations, const std::optional<std::array<double, 2>>& value_range,
+                const std::optional<std::pair<Triple, Triple>>& periodic) {
     EllipsoidFieldOptions options;
     options.normalization = from_name("normalization", normalization, normalizations);
     options.w0 = w0;
@@ -163,6 +166,9 @@ make_ellipsoids(const py::array& centers, const py::array& scales, const std::op
     options.cell_volume = cell_volume;
     options.base = base;
     options.value_range = value_range;
+    if (periodic) {
+        options.periodic = Box{to_vec3(periodic->first), to_vec3(periodic->second)};
+    }
     EllipsoidArrays arrays;
     arrays.unit_rotations = unit_rotations;
     arrays.centers = to_vectors(centers, "centers");
@@ -181,6 +187,9 @@ make_ellipsoids(const py::array& centers, const py::array& scales, const std::op
     const Released release;
     return std::make_shared<EllipsoidField>(std::move(arrays), options);
 }
+
+/// Number of the kernels of a field without their images.
+std::size_t given(const py::object& self) { return self.cast<const EllipsoidField&>().given(); }
 
 /// One of a field's arrays itself, read-only; the array keeps the field alive. `columns` numbers a kernel, 0: one.
 py::array view_array(const py::object& self, const void* first, std::size_t count, std::size_t columns) {
@@ -220,7 +229,9 @@ py::object rotations_of(const EllipsoidField& field) {
     if (field.arrays().rotations.empty()) {
         return py::none();
     }
-    py::array made = array_of_rotations(field.arrays().rotations);
+    std::vector<glm::dquat> given = field.arrays().rotations;
+    given.resize(field.given());
+    py::array made = array_of_rotations(given);
     made.attr("flags").attr("writeable") = false;
     return made;
 }
@@ -305,6 +316,8 @@ void register_field(py::module_& module) {
         .def_property_readonly("supports", [](const Field& field) { return to_corners(field.supports_world()); })
         .def_property_readonly("default_slice_spacing", &Field::default_slice_spacing)
         .def_property_readonly("memory", &Field::memory)
+        .def_property_readonly("domain",
+                               [](const Field& field) { return to_corners(field.domain().value_or(Box{}).box); })
         .def("sums_at", &arrays_of_sums, py::arg("points"), py::arg("threads") = 0)
         .def(
             "reach_along",
@@ -317,15 +330,13 @@ void register_field(py::module_& module) {
              py::arg("lattice"), py::arg("radius"), py::arg("falloff"), py::arg("normalization"), py::arg("w0"),
              py::arg("nan"), py::arg("prefilter"), py::arg("boundary") = "zero", py::arg("base") = py::none(),
              py::arg("least_weight") = 0.0, py::arg("coefficients").none(true), py::arg("figures").none(true),
-             py::arg("value_range") = py::none())
+             py::arg("value_range") = py::none(), py::arg("axes") = py::none())
         .def_property_readonly("values", &view_samples<false>)
         .def_property_readonly("given_values", &view_samples<true>)
         .def_property_readonly("given_range", &RegularField::given_range)
         .def_property_readonly("prefilter_figures", &figures_of)
         .def_property_readonly("lattice_constant", &RegularField::lattice_constant)
         .def_property_readonly("has_holes", &RegularField::has_holes)
-        .def_property_readonly(
-            "domain", [](const RegularField& field) { return to_corners(field.domain_world().value_or(Box{})); })
         .def(
             "position",
             [](const RegularField& field, std::size_t i, std::size_t j, std::size_t k) {
@@ -336,25 +347,34 @@ void register_field(py::module_& module) {
         .def(py::init(&make_ellipsoids), py::arg("centers"), py::arg("scales"), py::arg("rotations").none(true),
              py::arg("values"), py::kw_only(), py::arg("weights").none(true), py::arg("normalization"), py::arg("w0"),
              py::arg("falloff"), py::arg("min_scale"), py::arg("cell_volume"), py::arg("base") = 0.0,
-             py::arg("unit_rotations") = false, py::arg("value_range") = py::none())
+             py::arg("unit_rotations") = false, py::arg("value_range") = py::none(), py::arg("periodic") = py::none())
+        .def_property_readonly("size", &EllipsoidField::given)
+        .def_property_readonly("images", [](const EllipsoidField& field) { return field.size() - field.given(); })
+        .def("with_images",
+             [](const EllipsoidField& field) {
+                 EllipsoidArrays arrays = field.arrays();
+                 arrays.unit_rotations = true;
+                 EllipsoidFieldOptions options = field.options();
+                 options.periodic.reset();
+                 return std::make_shared<EllipsoidField>(std::move(arrays), options);
+             })
         .def_property_readonly("centers",
                                [](const py::object& self) {
                                    const auto& arrays = self.cast<const EllipsoidField&>().arrays();
-                                   return view_array(self, arrays.centers.data(), arrays.centers.size(), 3);
+                                   return view_array(self, arrays.centers.data(), given(self), 3);
                                })
         .def_property_readonly("scales",
                                [](const py::object& self) {
                                    const auto& field = self.cast<const EllipsoidField&>();
                                    const auto& arrays = field.arrays();
-                                   return field.isotropic()
-                                              ? view_array(self, arrays.radii.data(), arrays.radii.size(), 0)
-                                              : view_array(self, arrays.scales.data(), arrays.scales.size(), 3);
+                                   return field.isotropic() ? view_array(self, arrays.radii.data(), given(self), 0)
+                                                            : view_array(self, arrays.scales.data(), given(self), 3);
                                })
         .def_property_readonly("rotations", &rotations_of)
         .def_property_readonly("values",
                                [](const py::object& self) {
                                    const auto& arrays = self.cast<const EllipsoidField&>().arrays();
-                                   return view_array(self, arrays.values.data(), arrays.values.size(), 0);
+                                   return view_array(self, arrays.values.data(), given(self), 0);
                                })
         .def_property_readonly("weights",
                                [](const py::object& self) -> py::object {
@@ -362,7 +382,7 @@ void register_field(py::module_& module) {
                                    if (arrays.weights.empty()) {
                                        return py::none();
                                    }
-                                   return view_array(self, arrays.weights.data(), arrays.weights.size(), 0);
+                                   return view_array(self, arrays.weights.data(), given(self), 0);
                                })
         .def_property_readonly("weight_range", &EllipsoidField::weight_range)
         .def_property_readonly("scale_range", &EllipsoidField::scale_range)

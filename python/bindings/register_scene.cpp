@@ -4,6 +4,8 @@
 #include <tuple>
 #include <vector>
 
+#include <glm/matrix.hpp>
+
 #include <pybind11/numpy.h>
 
 #include "convert.hpp"
@@ -125,10 +127,13 @@ Scene with_part(const Scene& scene, const std::pair<Triple, Triple>& cell, const
                 const std::optional<py::array_t<float, py::array::c_style | py::array::forcecast>>& in_front,
                 const std::optional<std::pair<Triple, Triple>>& supports,
                 const std::optional<std::pair<Triple, Triple>>& domain, bool filled,
-                const std::shared_ptr<LightVolumes>& light) {
+                const std::shared_ptr<LightVolumes>& light, const std::optional<std::array<Triple, 3>>& to_box) {
     Scene made = scene;
     Part& part = made.part.emplace();
-    part.cell = {to_vec3(cell.first), to_vec3(cell.second)};
+    // Rows.
+    const Mat3 matrix =
+        to_box ? glm::transpose(Mat3(to_vec3((*to_box)[0]), to_vec3((*to_box)[1]), to_vec3((*to_box)[2]))) : Mat3(1.0);
+    part.cell = {Box{to_vec3(cell.first), to_vec3(cell.second)}, matrix};
     part.centres = {to_vec3(centres.first), to_vec3(centres.second)};
     part.depths = depths;
     if (in_front) {
@@ -139,7 +144,7 @@ Scene with_part(const Scene& scene, const std::pair<Triple, Triple>& cell, const
         part.supports = {to_vec3(supports->first), to_vec3(supports->second)};
     }
     if (domain) {
-        part.domain = Box{to_vec3(domain->first), to_vec3(domain->second)};
+        part.domain.emplace(Box{to_vec3(domain->first), to_vec3(domain->second)}, matrix);
     }
     part.filled = filled;
     part.light = light;
@@ -178,7 +183,7 @@ void register_scene(py::module_& module) {
         .def("with_depth_limit", &with_depth_limit, py::arg("depths"))
         .def("with_part", &with_part, py::kw_only(), py::arg("cell"), py::arg("centres"), py::arg("depths"),
              py::arg("in_front").none(true), py::arg("supports") = py::none(), py::arg("domain") = py::none(),
-             py::arg("filled") = false, py::arg("light") = py::none())
+             py::arg("filled") = false, py::arg("light") = py::none(), py::arg("to_box") = py::none())
         .def_property_readonly("slice_distance", &Scene::slice_distance)
         .def_property_readonly("reference_distance", &Scene::reference_distance)
         .def_property_readonly("centres", [](const Scene& scene) { return to_corners(scene.centres_world()); });

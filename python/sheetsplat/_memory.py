@@ -6,6 +6,8 @@ from pathlib import Path
 
 from sheetsplat.errors import OutOfMemory, Words, complain
 
+_GROUPS = Path("/sys/fs/cgroup")
+
 
 def _proc_available() -> int | None:
     try:
@@ -17,15 +19,24 @@ def _proc_available() -> int | None:
     return None
 
 
+def _reclaimable(stat: Path, key: str) -> int:
+    """Return the bytes of files that a control group keeps and gives back where it needs them."""
+    try:
+        return next(int(line.split()[1]) for line in stat.read_text().splitlines() if line.split()[:1] == [key])
+    except (OSError, ValueError, IndexError, StopIteration):
+        return 0
+
+
 def _group_available() -> int | None:
     # Version 2 of control groups, then version 1; a group without a limit says "max" or a number near 2**63.
-    for limit, used in (
-        ("memory.max", "memory.current"),
-        ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"),
+    for folder, limit, used, kept in (
+        ("", "memory.max", "memory.current", "inactive_file"),
+        ("memory", "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
     ):
         try:
-            root = Path("/sys/fs/cgroup")
-            return max(0, int((root / limit).read_text()) - int((root / used).read_text()))
+            group = _GROUPS / folder
+            taken = int((group / used).read_text()) - _reclaimable(group / "memory.stat", kept)
+            return max(0, int((group / limit).read_text()) - max(0, taken))
         except (OSError, ValueError):
             continue
     return None

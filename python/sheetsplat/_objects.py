@@ -47,6 +47,8 @@ _KINDS: dict[tuple[str, str], ObjectKind] = {
     ("vtkmodules", "vtkUnstructuredGrid"): ObjectKind("the grid", _VTK + "read_unstructured", ("scalar",)),
     ("vtkmodules", "vtkPolyData"): ObjectKind("the surface", _VTK + "read_surface", ("scalar",)),
     ("vtkmodules", "vtkMultiBlockDataSet"): ObjectKind("the blocks", _VTK + "read_blocks", ("scalar", "resample")),
+    ("vtkmodules", "vtkOverlappingAMR"): ObjectKind("the AMR", _VTK + "read_amr", ("scalar",)),
+    ("meshio", "Mesh"): ObjectKind("the mesh", _IO + "meshio_files:read_mesh", ("scalar",)),
     ("builtins", "dict"): ObjectKind("the dict", _TABLE, ("scalar",)),
     ("collections", "Mapping"): ObjectKind("the mapping", _TABLE, ("scalar",)),
     ("pandas", "DataFrame"): ObjectKind("the DataFrame", _TABLE, ("scalar",)),

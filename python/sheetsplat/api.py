@@ -91,14 +91,14 @@ def open(path: Data, **options: Unpack[OpenOptions]) -> RegularField | Ellipsoid
     (FILE:/dataset), Zarr and OME-Zarr (FOLDER:/array), .vti, .vtr, .pvti, .pvtr, .vtm and .pvd of images, .vtk of
     images and rectilinear grids, raw samples. Scattered data: VTKHDF meshes, Gmsh (.msh), MED, XDMF, HDF5 with
     particles, .obj and .ply of closed meshes, .ply of 3D Gaussian Splatting, .vtm and .pvd of meshes (FILE.vtm:/block),
-    .vtu, .vts, .vtp, .pvtu, .pvts, .pvtp, .vtk, .csv, .npz with an array centers, PLOT3D solutions with a grid.
+    .vthb, .vtu, .vts, .vtp, .pvtu, .pvts, .pvtp, .vtk, .csv, .npz with an array centers, PLOT3D solutions with a grid.
 
     Parameters
     ----------
     path
-        The file; its format is found by content, then by suffix. Or an xarray DataArray or Dataset, a dask, Zarr or
-        h5py array, a PyVista or VTK data set, or a pandas or polars DataFrame or a dict of columns x, y, z and
-        others (data.md).
+        The file; its format is found by content, then by suffix. Or an array [k, j, i], an xarray DataArray or
+        Dataset, a dask, Zarr or h5py array, a PyVista or VTK data set, a meshio Mesh, or a pandas or polars DataFrame
+        or a dict of columns x, y, z and others (data.md).
     **options
         Those of OpenOptions.
 
@@ -141,7 +141,43 @@ def _opened(path: Any, options: Any) -> RegularField | EllipsoidField:
         from sheetsplat.io.objects import field_of_object
 
         return field_of_object(path, kind, given)
+    if isinstance(path, np.ndarray) or _is_list(path):
+        made: RegularField = _of_array("open", path, given)
+        return made
     return open_field(path, given)
+
+
+def _is_list(data: object) -> bool:
+    """Return whether data are a list of numbers, and not one of several data."""
+    if isinstance(data, list | tuple) and _are_several(data):
+        raise complain(
+            "open: several data cannot be opened",
+            f"a list of {len(data)}",
+            "one file or array",
+            "pass the list to sheetsplat.render, or as a series to sheetsplat.animate",
+        )
+    return isinstance(data, list | tuple) and bool(data)
+
+
+def _are_several(data: object) -> bool:
+    """Return whether a list has several data: paths, data of other libraries, fields, or arrays with three axes."""
+    if not isinstance(data, list | tuple):
+        return False
+
+    def is_one(part: object) -> bool:
+        is_path = isinstance(part, str | os.PathLike | Field) or kind_of_object(part) is not None
+        return is_path or attribute(part, "ndim") == 3 or callable(attribute(part, "field"))
+
+    return bool(data) and all(map(is_one, data))
+
+
+def _of_array(owner: str, data: Any, given: dict[str, Any]) -> Any:
+    """Return the field of an array; `given`: options of `open`, of which those of files are refused."""
+    log = given.pop("log", None)
+    for name in pick(FileOptions, given):
+        raise complain(unusable(f"{owner}: {name}"), "an array", f"{name} only for files")
+    field = RegularField(data, **given)
+    return field if log is None else in_decades([field], {}, log)[0]
 
 
 def _is_made(data: object) -> bool:
@@ -192,14 +228,17 @@ def _fields_of(data: Any, given: dict[str, Any]) -> list[Field]:
         data = maker()
     if isinstance(data, str | os.PathLike) or kind_of_object(data) is not None:
         return [_opened(data, given)]
+    # Readers are not needed before.
+    from sheetsplat.io.common_world import in_one_world
+
     if _is_made(data):
         _refuse_for_made(given)
-        return [data] if isinstance(data, Field) else list(data)
-    log = given.pop("log", None)
-    for name in pick(FileOptions, given):
-        raise complain(unusable(f"render: {name}"), "an array", f"{name} only for files")
-    field = RegularField(data, **given)
-    return [field] if log is None else in_decades([field], {}, log)
+        fields: Any = data
+        return [data] if isinstance(data, Field) else in_one_world(fields)
+    if _are_several(data):
+        parts: Any = data
+        return in_one_world([field for one in parts for field in _fields_of(one, dict(given))])
+    return [_of_array("render", data, given)]
 
 
 def _refuse_one_for_each(count: int, look: Mapping[str, Any]) -> None:

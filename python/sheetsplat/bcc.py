@@ -220,6 +220,8 @@ def resample_to_bcc(
         placed = cast(LatticeSamples, values)
         if placed.lattice != "cartesian":
             raise complain(failed, f"a volume on the lattice {shown(placed.lattice)}", "one on a Cartesian lattice")
+        if attribute(values, "axes") is not None:
+            raise complain(failed, "a volume with axes of its own", "one whose axes are the world's")
         spacing = placed.spacing if spacing is None else spacing
         origin = placed.origin if origin is None else origin
         values = placed.values

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sheetsplat._checks import Triple, shown, triple
 from sheetsplat._checks import direction as axis_or_vector
@@ -112,6 +113,16 @@ class Orientation:
         ahead = ahead - above * np.dot(ahead, above)
         ahead = ahead / np.linalg.norm(ahead)
         return triple("front", ahead)
+
+    def turn_to(self, other: Orientation) -> NDArray[np.float64]:
+        """Return the matrix that takes places in this space, as rows, to the same places of the body in another one."""
+        frames = []
+        for one in (self, other):
+            up, front = np.asarray(one.up) / np.linalg.norm(one.up), np.asarray(one.horizontal_front())
+            frames.append(np.stack([np.cross(up, front), front, up]))
+        # Spaces whose axes run along those of the other have whole numbers.
+        found: NDArray[np.float64] = np.round(frames[0].T @ frames[1], 12)
+        return found
 
     @property
     def angles(self) -> tuple[float, float]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sheetsplat._checks import Triple, number, shown, triple
 from sheetsplat.errors import complain, unusable
-from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.fields import EllipsoidField, Field, RegularField, Wrapping
 from sheetsplat.limits import in_front
 from sheetsplat.modes import TRAITS
 
@@ -151,14 +151,20 @@ class _Samples:
 
 
 def _as_summed(fields: tuple[Field, ...]) -> tuple[Field, ...]:
-    """Return the fields of a group as they are summed: lattices that end in different places end nowhere.
+    """Return the fields of a group as they are summed: those that end in different places end nowhere.
 
     Conventions, section 2.
     """
-    ends = {one.domain if isinstance(one, RegularField) else None for one in fields}
-    if len(ends) == 1:
+    if len({one.domain for one in fields}) == 1:
         return fields
-    return tuple(one.replace(boundary="zero", base=0.0) if isinstance(one, RegularField) else one for one in fields)
+    return tuple(
+        one.replace(boundary="zero", base=0.0)
+        if isinstance(one, RegularField)
+        else one.without_end()
+        if isinstance(one, EllipsoidField)
+        else one
+        for one in fields
+    )
 
 
 def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
@@ -331,4 +337,7 @@ def _distance(field: Field, kernel: int, point: Floats) -> float:
     else:
         assert isinstance(field, EllipsoidField)
         centre = field.centers[kernel]
-    return float(np.linalg.norm(point - np.asarray(centre)))
+    offset = point - np.asarray(centre)
+    if isinstance(field, EllipsoidField):
+        offset = Wrapping(field.periodic).apart(offset)
+    return float(np.linalg.norm(offset))

@@ -176,6 +176,10 @@ def field_named(name: str) -> ss.RegularField | ss.EllipsoidField:
         return ss.RegularField(blobs((20, 24, 28)), origin=(-3.0, 2.0, 10.0))
     if name == "uneven":
         return ss.RegularField(blobs((20, 24, 28)), spacing=(0.7, 1.0, 1.6), origin=(0.3, 0.1, -0.7))
+    if name == "oblique":
+        # Turned, and leaning as a triclinic cell.
+        axes = np.array(((0.8, 0.5, -0.3), (-0.4, 1.0, 0.3), (0.5, 0.1, 1.2)))
+        return ss.RegularField(blobs((20, 24, 28)), axes=axes, origin=(0.3, 0.1, -0.7))
     if name == "prefiltered":
         return ss.RegularField(blobs((20, 24, 28)), radius=2.5, falloff=7.0, prefilter=True)
     if name == "long":

@@ -14,10 +14,13 @@ import h5py
 import numpy as np
 import OpenEXR
 import scattered_files as scattered
+import test_amr
 import test_data_formats as others
 import test_first_sight
 import test_io
 import test_mesh_files
+import test_ply_variants
+import test_volume_variants as variants
 import test_vtk_files as vtk
 import test_vtk_parts as parts
 from PIL import Image as PillowImage
@@ -47,6 +50,12 @@ def _ellipsoids(folder: Path) -> Files:
 def _particles(folder: Path) -> Files:
     path, _ = scattered.write_particles(folder / "s.hdf5", 20)
     return {"s.hdf5": path.read_bytes()}
+
+
+def _particles_in_a_box(folder: Path) -> Files:
+    header = {"BoxSize": 10.0, "MassTable": np.ones(6), "HubbleParam": 0.7, "Time": 0.5, "Redshift": 1.0}
+    path, _ = scattered.write_particles(folder / "b.h5", 20, leave_out=("Masses", "SmoothingLength"), header=header)
+    return {"b.h5": path.read_bytes()}
 
 
 def _packed_particles(folder: Path) -> Files:
@@ -191,6 +200,12 @@ def _blocks() -> Files:
     return {"a.vtm": (text + "</vtkMultiBlockDataSet></VTKFile>").encode(), "a.vti": _vti("ascii")}
 
 
+def _levels(folder: Path) -> Files:
+    first = test_amr.files(folder)
+    images = {str(one.relative_to(folder)): one.read_bytes() for one in sorted((folder / "amr").iterdir())}
+    return {first.name: first.read_bytes(), **images}
+
+
 def _series() -> Files:
     text = '<VTKFile type="Collection"><Collection><DataSet timestep="0.5" group="" part="0" file="a.vti"/>'
     return {"a.pvd": (text + "</Collection></VTKFile>").encode(), "a.vti": _vti("ascii")}
@@ -225,6 +240,10 @@ KINDS: dict[str, Callable[[Path], Files]] = {
     "hdf5": _particles,
     "hdf5 packed": _packed_particles,
     "ply": lambda _: {"a.ply": b"".join(scattered.ply_bytes(count=6)[:2])},
+    "ply packed": lambda _: {"a.ply": test_ply_variants.small_packed()},
+    "ply of volumes": lambda _: {"a.ply": test_ply_variants.file_of({"vertex": test_ply_variants.volume_gaussians(6)})},
+    "hdf5 in a box": _particles_in_a_box,
+    "vthb": _levels,
     "ply text": lambda _: {"a.ply": b"".join(scattered.ply_bytes("text", count=6)[:2])},
     "mesh obj": lambda _: {"a.obj": test_first_sight.box_obj(test_first_sight.QUADS).encode()},
     "mesh ply": lambda _: {"a.ply": test_first_sight.box_ply(test_first_sight.QUADS).encode()},
@@ -247,6 +266,28 @@ KINDS: dict[str, Callable[[Path], Files]] = {
     "zarr": _folder(others.zarr_array, "a.zarr"),
     "zarr 3": _folder(others.zarr_array, "a.zarr", version=3),
     "ome-zarr": _folder(others.picture, "a.zarr", version=2, channels=("only",)),
+    "nii turned and scaled": _made(
+        others.nifti,
+        "a.nii",
+        affine=np.array([[1, 1, 0, 3], [-1, 1, 0, 4], [0, 1, 2, 5], [0, 0, 0, 1]]),
+        values=np.stack([others.VALUES] * 2),
+        scale=(0.5, 2.0),
+    ),
+    "mha turned": lambda _: _meta(SAMPLES, TransformMatrix="0.6 0.8 0 -0.8 0.6 0 0 0 1", CenterOfRotation="0 0 0"),
+    "nrrd of ends": lambda _: _nrrd(SAMPLES, axis_mins="1 2 3", axis_maxs="4 5 nan", centers="cell node ???"),
+    "mrc of a cell": _made(others.mrc, "b.mrc", cellb=(90, 90, 120), mapc=2, mapr=1),
+    "dicom of doses": _folder(variants.dose, "dose"),
+    "dicom of groups": _folder(others.frames, "frames"),
+    "dicom without its first bytes": _folder(variants.bare_dicom, "bare"),
+    "tiff of steps": _made(variants.stacked, "a.tif", imagej=True),
+    "tiff of ome": _made(variants.stacked, "a.ome.tif"),
+    "netcdf packed": _made(variants.write_packed, "a.nc", kind="scipy"),
+    "hdf5 volume packed": _made(variants.write_packed, "a.h5", kind="hdf5"),
+    "hdf5 volume behind a block": _made(variants.behind_block, "a.mat", block=512),
+    "zarr packed": _folder(variants.write_packed, "a.zarr", kind="zarr 2"),
+    "zarr 3 packed": _folder(variants.write_packed, "a.zarr", kind="zarr 3"),
+    "zarr of shards": _folder(variants.shards, "a.zarr"),
+    "ome-zarr in a root": _folder(variants.root_of_images, "a.zarr"),
     "vts": lambda _: {"a.vts": _structured("StructuredGrid", "raw")},
     "vtr": lambda _: {"a.vtr": _structured("RectilinearGrid", "ascii")},
     "vtm": lambda _: _blocks(),
@@ -269,8 +310,10 @@ KINDS: dict[str, Callable[[Path], Files]] = {
     "picture npy": lambda folder: picture(".npy", folder),
 }
 
-OF_LIBRARIES = ("nii", "nii of version 2", "dicom", "netcdf", "netcdf 4", "zarr", "zarr 3", "ome-zarr", "mrc") + tuple(
-    kind for kind in KINDS if kind.startswith(("tiff", "meshio"))
+OF_LIBRARIES = tuple(
+    kind
+    for kind in KINDS
+    if kind.startswith(("tiff", "meshio", "nii", "dicom", "netcdf", "zarr", "ome-zarr", "mrc", "hdf5 volume packed"))
 )
 
 
@@ -284,7 +327,11 @@ def read(kind: str, path: Path) -> None:
         options = {"grid": path.with_name("a.xyz")}
     elif kind == "raw":
         options = {"shape": (4, 3, 2), "dtype": "<i2"}
-    if kind == "dicom":
+    elif kind.startswith("tiff of") and kind != "tiff of imagej":
+        options = {"step": 2, "name": "1"}
+    elif kind == "nii turned and scaled":
+        options = {"step": 1}
+    if kind.startswith("dicom"):
         path = path.parent
     elif "zarr" in kind:
         path = next(one for one in path.parents if one.suffix == ".zarr")

@@ -122,7 +122,7 @@ def vtu_body(writer, seed=3):
     return body, points, heat, flow, cells, load
 
 
-def write_particles(path, count=40, *, group="PartType0", leave_out=(), order="<", seed=5, **more):
+def write_particles(path, count=40, *, group="PartType0", leave_out=(), order="<", seed=5, header=None, **more):
     rng = np.random.default_rng(seed)
     data = {
         "Coordinates": rng.uniform(0, 10, (count, 3)),
@@ -137,6 +137,8 @@ def write_particles(path, count=40, *, group="PartType0", leave_out=(), order="<
         for name, values in data.items():
             if name not in leave_out:
                 file[f"{group}/{name}"] = np.asarray(values).astype(np.asarray(values).dtype.newbyteorder(order))
+        if header is not None:
+            file.create_group("Header").attrs.update(header)
     return path, data
 
 

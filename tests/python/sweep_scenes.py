@@ -151,6 +151,22 @@ def with_ends(parts: Parts, seed: int) -> Parts:
     return parts
 
 
+def with_axes(parts: Parts, seed: int) -> Parts:
+    """Return a scene whose Cartesian lattices have axes of any directions about the middle of where they were."""
+    rng = np.random.default_rng([37, seed])
+    for field in parts["fields"]:
+        if "centers" in field or field.get("lattice", "cartesian") != "cartesian":
+            continue
+        spacing = np.asarray(field.pop("spacing", (1.0, 1.0, 1.0)), float)
+        turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        lean = np.eye(3) + float(pick(rng, 0.0, 0.3, 0.7)) * rng.uniform(-1, 1, (3, 3)) * (1 - np.eye(3))
+        axes = (spacing[:, None] * lean) @ turn
+        half = (np.array(np.shape(field["values"])[::-1]) - 1) / 2
+        field["axes"] = axes.tolist()
+        field["origin"] = (np.asarray(field.get("origin", (0, 0, 0)), float) + half * spacing - half @ axes).tolist()
+    return parts
+
+
 KINDS: dict[str, Callable[[int], Parts]] = {
     "effects": effect_scene,
     "groups": group_scene,
@@ -165,6 +181,8 @@ PLATEAUS = 2_000_000
 ENDS = 3_000_000
 # Numbers from here on are all other kinds by turns, with boundaries, bases and offsets drawn.
 DRAWN_ENDS = 4_000_000
+# Numbers from here on are those, with axes of lattices drawn.
+DRAWN_AXES = 7_000_000
 
 
 def scene_of(number: int) -> tuple[str, Parts]:
@@ -172,7 +190,8 @@ def scene_of(number: int) -> tuple[str, Parts]:
     if number >= DRAWN_ENDS:
         kinds = KINDS | {"plateaus": plateau_scene}
         kind, seed = list(kinds)[number % len(kinds)], number // len(kinds)
-        return f"{kind} with ends", with_ends(kinds[kind](seed), seed)
+        ended = with_ends(kinds[kind](seed), seed)
+        return (f"{kind} with axes", with_axes(ended, seed)) if number >= DRAWN_AXES else (f"{kind} with ends", ended)
     if number >= ENDS:
         return "ends", ends_scene(number)
     if number >= PLATEAUS:

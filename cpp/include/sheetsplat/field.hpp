@@ -3,6 +3,7 @@
 // scattered ellipsoids.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <memory>
@@ -88,6 +89,8 @@ class Field {
     [[nodiscard]] virtual std::array<double, 2> reach_along(const Vec3& from, const Vec3& direction) const = 0;
     /// Bytes that the field keeps.
     [[nodiscard]] virtual std::size_t memory() const = 0;
+    /// Where the field ends, or nowhere; infinite along axes along which it does not.
+    [[nodiscard]] virtual const std::optional<Parallelepiped>& domain() const = 0;
 
   protected:
     Field() = default;
@@ -104,7 +107,10 @@ using SampleArray = std::variant<std::vector<std::uint8_t>, std::vector<std::int
 
 struct RegularFieldOptions {
     Vec3 spacing{1.0, 1.0, 1.0}; ///< world units between samples; lattice bcc: spacing.x is a
-    Vec3 origin{0.0, 0.0, 0.0};  ///< world position of sample (0, 0, 0)
+    /// The steps of i, j and k in the world, as columns, of a Cartesian lattice whose axes are not the world's;
+    /// `spacing` is then their lengths.
+    std::optional<Mat3> axes{};
+    Vec3 origin{0.0, 0.0, 0.0}; ///< world position of sample (0, 0, 0)
     Lattice lattice = Lattice::cartesian;
     double radius = 2.0; ///< of the support, in sample distances (bcc: of a / sqrt 2)
     double falloff = 5.0;
@@ -124,7 +130,20 @@ struct RegularFieldOptions {
     /// Where the samples are a part of a larger volume: Field::least_weight().
     double least_weight = 0.0;
     /// Where the samples stand for those of another volume with the boundary `edge`: where that ends.
-    std::optional<Box> domain{};
+    std::optional<Parallelepiped> domain{};
+};
+
+/// Where a kernel's support ends: M = R S of conventions, section 2.
+struct KernelAxes {
+    Mat3 directions{1.0}; ///< R, a rotation
+    Vec3 lengths{1.0};    ///< the semi-axes S
+
+    [[nodiscard]] bool is_sphere() const { return lengths.x == lengths.y && lengths.y == lengths.z; }
+    [[nodiscard]] double least() const { return std::min({lengths.x, lengths.y, lengths.z}); }
+    [[nodiscard]] double longest() const { return std::max({lengths.x, lengths.y, lengths.z}); }
+    [[nodiscard]] double volume() const { return lengths.x * lengths.y * lengths.z; } ///< times 4 pi / 3
+    /// M^T direction: its length is how far the support reaches along a direction of unit length.
+    [[nodiscard]] Vec3 row(const Vec3& direction) const { return (direction * directions) * lengths; }
 };
 
 /// What the prefilter reached.
@@ -209,14 +228,19 @@ class RegularField final : public Field {
     [[nodiscard]] Vec3 position(std::size_t i, std::size_t j, std::size_t k) const;
     /// f - b of sample (i, j, k) as float64; NaN where skipped.
     [[nodiscard]] double value(std::size_t i, std::size_t j, std::size_t k) const;
-    /// The semi-axes of every kernel's support along the world axes.
-    [[nodiscard]] Vec3 semi_axes_world() const;
+    /// From sample to sample, row to row and layer to layer in the world, as columns. (Odd layers of BCC lattices lie
+    /// half a step of samples and of rows farther.)
+    [[nodiscard]] const Mat3& steps() const { return steps_; }
+    /// The volume of a cell of these steps.
+    [[nodiscard]] double step_volume() const;
+    /// Of every kernel's support.
+    [[nodiscard]] const KernelAxes& kernel_axes() const { return kernel_axes_; }
     /// C of normalisation lattice: the kernel's mass over the volume that one sample stands for.
     [[nodiscard]] double lattice_constant() const;
 
     /// Where the field ends: half a sample distance beyond the outermost samples (BCC: a / 4 beyond the box of all
     /// centres), or nowhere. A BCC lattice of one layer counts as boundary zero.
-    [[nodiscard]] const std::optional<Box>& domain_world() const { return domain_world_; }
+    [[nodiscard]] const std::optional<Parallelepiped>& domain() const override { return domain_; }
     /// Mirrored samples before the first one along k, j and i; as many lie beyond the last one. 0 for boundary zero.
     [[nodiscard]] const std::array<std::size_t, 3>& mirrored() const { return mirrored_; }
     /// The lattice of the same kernels and the mirrored ones whose supports reach into the domain, whose sample
@@ -241,8 +265,12 @@ class RegularField final : public Field {
     RegularField(const RegularField& inner, Endless);
     /// Makes coefficients the factors of the kernels.
     void take(PrefilteredSamples&& found);
+    /// Steps and kernels' axes of the options.
+    void find_axes();
     /// Where the field ends, and how many mirrored samples reach into it.
     void find_domain();
+    /// Smallest and largest (x - from) . direction over all centres.
+    [[nodiscard]] std::array<double, 2> centres_along(const Vec3& from, const Vec3& direction) const;
     /// Keeps samples row after row with mirrored ones at both ends.
     [[nodiscard]] std::shared_ptr<const SampleArray> with_ends(SampleArray&& samples) const;
     void find_rows();
@@ -254,7 +282,9 @@ class RegularField final : public Field {
     std::array<std::size_t, 3> shape_{};
     RegularFieldOptions options_;
     Box centres_world_;
-    std::optional<Box> domain_world_;
+    std::optional<Parallelepiped> domain_;
+    Mat3 steps_{1.0};
+    KernelAxes kernel_axes_;
     std::array<std::size_t, 3> mirrored_{0, 0, 0};
     std::vector<std::size_t> layers_;            ///< where layers begin
     std::vector<std::vector<std::size_t>> rows_; ///< where rows begin in a layer; BCC: of even and of odd layers
@@ -291,16 +321,23 @@ struct EllipsoidFieldOptions {
     double least_weight = 0.0;           ///< Field::least_weight()
     /// Where the kernels are a part of a larger field: that of its value_range().
     std::optional<std::array<double, 2>> value_range{};
+    /// A box whose opposite faces are one and the same: what leaves it by one comes in by the other. An axis whose
+    /// lower and upper end are equal, or one of which is infinite, does not wrap.
+    std::optional<Box> periodic{};
 };
 
 /// Ellipsoidal Gaussians of any place, size and direction ([NM06]). Immutable; may have no kernels at all.
+///
+/// In a periodic box centres are moved into it, and kernels whose supports cross a face get images, which are kernels
+/// like all others and follow those that were given; the field ends at the faces.
 class EllipsoidField final : public Field {
   public:
     /// Throws InvalidInput, with the index of the first wrong entry, for arrays of unequal length, numbers that are not
     /// finite, semi-axes <= 0 (see min_scale), quaternions farther than 1e-3 from unit length (closer ones are
     /// normalised), negative weights, weights that are all 0; for falloff, w0, min_scale or cell_volume that are not
     /// finite and positive; for normalisation lattice without cell_volume or with kernels of different volume (relative
-    /// difference above 1e-6).
+    /// difference above 1e-6); for a periodic box whose lower end is above its upper one, and kernels of more than
+    /// 1000 images. OutOfMemory where the images do not fit.
     explicit EllipsoidField(EllipsoidArrays arrays, const EllipsoidFieldOptions& options = {});
 
     [[nodiscard]] FieldKind kind() const override { return FieldKind::ellipsoid; }
@@ -312,6 +349,15 @@ class EllipsoidField final : public Field {
     [[nodiscard]] double default_slice_spacing() const override { return slice_spacing_; }
     [[nodiscard]] std::array<double, 2> reach_along(const Vec3& from, const Vec3& direction) const override;
     [[nodiscard]] std::size_t memory() const override;
+    [[nodiscard]] const std::optional<Parallelepiped>& domain() const override { return domain_; }
+
+    /// Number of the kernels that were given, which come before their images.
+    [[nodiscard]] std::size_t given() const { return size() - owners_.size(); }
+    /// Which of them a kernel is, or is an image of; -1 for -1.
+    [[nodiscard]] std::int64_t given_kernel(std::int64_t number) const;
+    /// The kernels that were given as a field that does not end: what it counts as in a group with fields that end
+    /// elsewhere.
+    [[nodiscard]] std::shared_ptr<const EllipsoidField> without_end() const;
 
     [[nodiscard]] const EllipsoidArrays& arrays() const { return arrays_; }
     [[nodiscard]] const EllipsoidFieldOptions& options() const { return options_; }
@@ -339,8 +385,15 @@ class EllipsoidField final : public Field {
     [[nodiscard]] double lattice_constant() const { return lattice_constant_; }
 
   private:
+    /// Moves centres into the periodic box.
+    void wrap_centers();
+    /// Adds the images of kernels whose supports cross a face.
+    void add_images();
+
     EllipsoidArrays arrays_;
     EllipsoidFieldOptions options_;
+    std::vector<std::size_t> owners_; ///< of the images
+    std::optional<Parallelepiped> domain_;
     Box centres_world_, supports_world_;
     std::array<double, 2> value_range_{0.0, 0.0};
     std::array<double, 2> weight_range_{1.0, 1.0};

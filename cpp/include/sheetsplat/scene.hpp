@@ -46,7 +46,7 @@ struct Clip {
         double offset = 0.0;
     };
     std::vector<Plane> planes{};
-    std::optional<Box> box{};
+    std::optional<Parallelepiped> box{};
 
     /// True where nothing is cut off.
     [[nodiscard]] bool empty() const { return planes.empty() && !box; }
@@ -85,9 +85,10 @@ struct LightVolumes;
 /// What a picture needs to know where the fields of its scene are a part of larger ones: a brick, with what its
 /// neighbours' kernels add to it (conventions, section 11). Belongs to one camera and size.
 struct Part {
-    /// The points that are drawn, lower <= x < upper; infinite where there is no neighbour. Intervals and crossings
-    /// belong to the point of the slice before them; what lies before the first slice to that of the first one.
-    Box cell{};
+    /// The points that are drawn, lower <= x < upper (of a parallelepiped: to_box x); infinite where there is no
+    /// neighbour. Intervals and crossings belong to the point of the slice before them; what lies before the first
+    /// slice to that of the first one.
+    Parallelepiped cell{};
     /// World-aligned box of all kernel centres of the whole, by which slices are anchored.
     Box centres{};
     /// The nearest and the farthest depth that kernels of the whole reach.
@@ -97,8 +98,8 @@ struct Part {
     std::shared_ptr<const std::vector<float>> in_front{};
     /// World-aligned box of all supports of the whole: Renderer::plan_light needs it.
     Box supports{};
-    /// Where the whole ends (RegularField::domain_world), if anywhere.
-    std::optional<Box> domain{};
+    /// Where the whole ends (RegularField::domain), if anywhere.
+    std::optional<Parallelepiped> domain{};
     /// Kernels reach every point of the domain.
     bool filled = false;
     /// What shadows and ambient occlusion of the whole leave of light: pictures with them need it.
@@ -170,7 +171,7 @@ struct Counted {
     bool filled = false;
     /// Where the fields of each group end, if they do not all end in one place; then the scene's clip does not end
     /// them, and scalar modes add the base of each group where its fields are.
-    std::vector<std::optional<Box>> ends{};
+    std::vector<std::optional<Parallelepiped>> ends{};
     /// Why mirrored samples and ends are drawn, or why they are not.
     bool mirrored = false;
     std::string reason{};

@@ -111,9 +111,11 @@ class RowFeed {
         double reach; ///< of a support, towards the plane
     };
     [[nodiscard]] std::vector<RowCut> row_cuts(const std::vector<KeptHalfSpace>& kept) const {
-        const Vec3 axes = view_.field->semi_axes_world();
-        const glm::dmat3 own{axes.x * glm::normalize(view_.step_i), axes.y * glm::normalize(view_.step_j),
-                             axes.z * glm::normalize(view_.step_k)};
+        // Steps are semi-axes, but for BCC lattices, whose kernels are spheres.
+        const double radius = view_.field->options().radius;
+        const glm::dmat3 own = view_.field->kernel_axes().is_sphere()
+                                   ? glm::dmat3(view_.field->kernel_axes().lengths.x)
+                                   : radius * glm::dmat3(view_.step_i, view_.step_j, view_.step_k);
         // A filter adds to the squares of the extents along the picture's axes.
         const glm::dmat3 rows = glm::transpose(own);
         const Vec3 wide(view_.extent_x, view_.extent_y, view_.half_depth);
@@ -617,7 +619,7 @@ class RowFeed {
     double per_spacing_, per_half_depth_, reach_, step_, per_step_, last_slice_;
     OwnPlaces own_;
     SampleReader<T> reader_;
-    Vec3 semi_axes_ = view_.field->semi_axes_world();
+    Vec3 semi_axes_ = view_.field->kernel_axes().lengths;
     glm::dvec2 lean_; ///< B's rows of x and of y times that of z
     /// The outermost rays of the tile's own part in perspective: x / depth and -y / depth. The same numbers in tiles
     /// side by side.

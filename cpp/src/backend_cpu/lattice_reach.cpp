@@ -6,20 +6,13 @@
 #include <glm/geometric.hpp>
 #include <glm/vector_relational.hpp>
 
+#include "field/lattice_frame.hpp"
+
 namespace sheetsplat::backend_cpu {
 
 LatticeReach::LatticeReach(const Vec3& first_eye, const glm::dmat3& steps, const Vec3& last, double radius,
                            const Frame& frame)
-    : frame_(&frame), first_eye_(first_eye), last_(last), radius_(radius) {
-    // Steps are orthogonal. (Rows are divided twice by lengths: their squares may be beyond float64.)
-    for (int axis = 0; axis < 3; ++axis) {
-        const double length = glm::length(steps[axis]);
-        const Vec3 unit = steps[axis] / length;
-        for (int component = 0; component < 3; ++component) {
-            to_index_[component][axis] = unit[component] / length;
-        }
-    }
-}
+    : frame_(&frame), to_index_(to_indices(steps)), first_eye_(first_eye), last_(last), radius_(radius) {}
 
 void LatticeReach::add(const FieldView& view, const Frame& frame, std::vector<LatticeReach>& to) {
     const RegularField& field = *view.field;

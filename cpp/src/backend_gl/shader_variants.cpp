@@ -194,7 +194,7 @@ LineCounts line_counts(const DrawPlan& plan, const Scene& scene) {
     const auto shown = std::count_if(scene.iso_values.begin(), scene.iso_values.end(),
                                      [](const IsoValue& iso) { return iso.opacity > 0.0; });
     std::size_t of_end = 0;
-    for (const std::optional<Box>& end : scene.counted ? scene.counted->ends : std::vector<std::optional<Box>>{}) {
+    for (const std::optional<Parallelepiped>& end : scene.counted ? scene.counted->ends : std::vector<std::optional<Parallelepiped>>{}) {
         of_end = std::max(of_end, Clip{{}, end}.half_spaces().size());
     }
     return {scene.later_groups.size() + 1, static_cast<std::size_t>(shown), scene.clip.half_spaces().size() + of_end};

@@ -43,8 +43,8 @@ gl::Texture make_kept(const TileScope& scope) {
 /// Where the fields of each group end.
 gl::Texture make_ends(const TileScope& scope) {
     std::vector<SliceRun> runs;
-    const std::vector<std::optional<Box>>& ends = scope.job.scene->counted->ends;
-    for (const std::optional<Box>& end : ends) {
+    const std::vector<std::optional<Parallelepiped>>& ends = scope.job.scene->counted->ends;
+    for (const std::optional<Parallelepiped>& end : ends) {
         const KeptSlices inside(Clip{{}, end}, scope.plan, *scope.job.camera, scope.frame);
         add_runs(scope.tile, runs,
                  [&](int column, int row, std::vector<SliceRun>& to) { to.push_back(inside.at(column, row)); });

@@ -31,8 +31,7 @@ constexpr double least_seconds = 3e-4;
 /// Sum of the volumes of all supports.
 double volume_of(const Field& field, const ViewFacts& view) {
     if (const RegularField* regular = as_regular(&field)) {
-        const Vec3 axes = regular->semi_axes_world();
-        return static_cast<double>(field.size()) * 4.0 / 3.0 * pi * axes.x * axes.y * axes.z;
+        return static_cast<double>(field.size()) * 4.0 / 3.0 * pi * regular->kernel_axes().volume();
     }
     const Vec3 box = field.supports_world().extent();
     return view.overlap.typical * box.x * box.y * box.z;

@@ -26,9 +26,12 @@ constexpr double filter_gain = 4.0;
 /// lattices, whose distances count in a / sqrt 2.
 constexpr double farthest_cartesian = 0.8660254037844387, farthest_bcc = 0.7905694150420949;
 
-std::optional<Box> end_of(const Field& field) {
-    const RegularField* lattice = as_regular(&field);
-    return lattice != nullptr ? lattice->domain_world() : std::nullopt;
+/// A field as one that ends nowhere, which it counts as beside fields that end elsewhere; null where it is one.
+std::shared_ptr<const Field> without_end(const Field& field) {
+    if (const RegularField* lattice = as_regular(&field)) {
+        return lattice->domain() || lattice->base() != 0.0 ? lattice->without_end() : nullptr;
+    }
+    return field.domain() ? as_ellipsoids(&field)->without_end() : nullptr;
 }
 
 /// Whether kernels reach every point of a lattice's domain, once samples are mirrored.
@@ -90,8 +93,11 @@ std::string CountedFields::why_shown(const Scene& scene, const Camera& camera, S
     std::size_t number = 0;
     for (const Group& group : scene.groups()) {
         const std::size_t own = number++;
-        if (!end_of(*scene.fields[group.first])) {
+        if (!scene.fields[group.first]->domain()) {
             continue;
+        }
+        if (as_regular(scene.fields[group.first].get()) == nullptr) {
+            return "kernels reach across the faces of the periodic box";
         }
         if (group.last - group.first > 1) {
             return "several fields add up at the volumes' boundary";
@@ -99,11 +105,11 @@ std::string CountedFields::why_shown(const Scene& scene, const Camera& camera, S
         const std::shared_ptr<const Field>& field = scene.fields[group.first];
         const RegularField& lattice = *as_regular(field.get());
         const bool bcc = lattice.lattice() == Lattice::bcc;
-        const Vec3 spacing = bcc ? Vec3(0.5 * lattice.options().spacing.x) : lattice.options().spacing;
-        const double nearest = std::min({spacing.x, spacing.y, spacing.z});
+        // Layers across the ends: of BCC lattices two for each edge.
+        const double nearest = lattice.default_slice_spacing();
+        const double radius = lattice.options().radius * (bcc ? std::sqrt(2.0) : 1.0);
         // What mirrored kernels add to reaches a radius into the volume; kernels that reach there, one more.
-        const double layers =
-            2.0 * glm::length(lattice.semi_axes_world() / spacing) + reach_of(scene, lattice, camera, size) / nearest;
+        const double layers = 2.0 * std::sqrt(3.0) * radius + reach_of(scene, lattice, camera, size) / nearest;
         const auto most = static_cast<double>(std::max({lattice.shape()[0], lattice.shape()[1], lattice.shape()[2]}));
         // Rounded up, so that a camera that moves needs no new look at the samples.
         const double wanted = std::min(std::exp2(std::ceil(std::log2(std::max(layers, 1.0)))), most);
@@ -148,21 +154,20 @@ Scene CountedFields::counted(const Scene& scene, const Camera& camera, Size size
     Counted& counted = *drawn.counted;
     counted.clip = scene.clip;
     const std::vector<Group> groups = scene.groups();
-    std::vector<std::optional<Box>> ends;
+    std::vector<std::optional<Parallelepiped>> ends;
     for (const Group& group : groups) {
-        std::optional<Box> end = end_of(*scene.fields[group.first]);
+        std::optional<Parallelepiped> end = scene.fields[group.first]->domain();
         bool differ = false;
         for (std::size_t field = group.first; field < group.last; ++field) {
-            differ = differ || end != end_of(*scene.fields[field]);
+            differ = differ || end != scene.fields[field]->domain();
         }
         double base = 0.0;
         for (std::size_t field = group.first; field < group.last; ++field) {
             std::shared_ptr<const Field>& own = drawn.fields[field];
-            const RegularField* lattice = as_regular(own.get());
-            if (differ && lattice != nullptr && (lattice->domain_world() || lattice->base() != 0.0)) {
+            if (differ) {
                 Entry& entry = entry_of(own);
-                entry.endless = entry.endless ? entry.endless : lattice->without_end();
-                own = entry.endless;
+                entry.endless = entry.endless ? entry.endless : without_end(*own);
+                own = entry.endless ? entry.endless : own;
             }
             base += own->base();
         }
@@ -180,7 +185,7 @@ Scene CountedFields::counted(const Scene& scene, const Camera& camera, Size size
         }
     }
     bool any = false, differ = false;
-    for (const std::optional<Box>& end : ends) {
+    for (const std::optional<Parallelepiped>& end : ends) {
         any = any || end;
         differ = differ || end != ends.front();
     }
@@ -203,6 +208,9 @@ Scene CountedFields::counted(const Scene& scene, const Camera& camera, Size size
             for (std::size_t field = groups[group].first; field < groups[group].last && ends[group]; ++field) {
                 std::shared_ptr<const Field>& own = drawn.fields[field];
                 filled = filled || fills(*own);
+                if (as_regular(own.get()) == nullptr) {
+                    continue;
+                }
                 Entry& entry = entry_of(own);
                 entry.mirrored = entry.mirrored ? entry.mirrored : as_regular(own.get())->with_mirrored();
                 own = entry.mirrored;
@@ -243,7 +251,8 @@ std::vector<std::shared_ptr<const Field>> CountedFields::keep(const std::vector<
     keep_fields(entries_, fields, [](const Entry&, const Field&) { return false; });
     std::vector<std::shared_ptr<const Field>> all = fields;
     for (const auto& entry : entries_) {
-        for (const std::shared_ptr<const RegularField>& form : {entry->mirrored, entry->endless}) {
+        for (const std::shared_ptr<const Field>& form :
+             {std::shared_ptr<const Field>(entry->mirrored), entry->endless}) {
             if (form != nullptr) {
                 all.push_back(form);
             }

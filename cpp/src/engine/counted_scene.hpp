@@ -32,7 +32,8 @@ class CountedFields {
   private:
     struct Entry {
         std::weak_ptr<const Field> field;
-        std::shared_ptr<const RegularField> mirrored, endless;
+        std::shared_ptr<const RegularField> mirrored;
+        std::shared_ptr<const Field> endless;
         std::map<std::size_t, std::array<double, 2>> ranges; ///< of so many samples from the ends
         std::map<double, double> weights;                    ///< largest_weight, by what a filter gains
     };

@@ -51,9 +51,13 @@ bool same_runs(const VisibleRuns& a, const VisibleRuns& b) {
 std::shared_ptr<const EllipsoidField> scattered(const RegularField& field) {
     EllipsoidArrays arrays;
     const std::size_t nk = field.shape()[0], nj = field.shape()[1];
-    const Vec3 axes = field.semi_axes_world();
-    const bool spheres = axes.x == axes.y && axes.y == axes.z;
-    require_memory(checked_product(field.size(), spheres ? 40 : 56, "a lattice's kernels, one by one"),
+    const KernelAxes& axes = field.kernel_axes();
+    const bool spheres = axes.is_sphere(), turned = axes.directions != Mat3(1.0);
+    require_memory(checked_product(field.size(),
+                                   spheres  ? 40
+                                   : turned ? 88
+                                            : 56,
+                                   "a lattice's kernels, one by one"),
                    "a lattice's kernels, one by one",
                    "leave out " + option_ref("filter") + ", or use a smaller volume");
     arrays.centers.reserve(field.size());
@@ -71,9 +75,12 @@ std::shared_ptr<const EllipsoidField> scattered(const RegularField& field) {
         }
     }
     if (spheres) {
-        arrays.radii.assign(field.size(), axes.x);
+        arrays.radii.assign(field.size(), axes.lengths.x);
     } else {
-        arrays.scales.assign(field.size(), axes);
+        arrays.scales.assign(field.size(), axes.lengths);
+    }
+    if (turned) {
+        arrays.rotations.assign(field.size(), glm::normalize(glm::quat_cast(axes.directions)));
     }
     EllipsoidFieldOptions options;
     options.normalization = field.normalization();
@@ -81,7 +88,7 @@ std::shared_ptr<const EllipsoidField> scattered(const RegularField& field) {
     options.falloff = field.kernel().falloff;
     options.least_weight = field.least_weight();
     if (options.normalization == Normalization::lattice) {
-        options.cell_volume = field.kernel().unit_mass() * axes.x * axes.y * axes.z / field.lattice_constant();
+        options.cell_volume = field.kernel().unit_mass() * axes.volume() / field.lattice_constant();
     }
     return std::make_shared<const EllipsoidField>(std::move(arrays), options);
 }
@@ -104,8 +111,8 @@ std::array<double, 2> semi_axes_of(const Field& field) {
     if (const EllipsoidField* ellipsoids = as_ellipsoids(&field)) {
         return ellipsoids->scale_range();
     }
-    const Vec3 axes = as_regular(&field)->semi_axes_world();
-    return {std::min({axes.x, axes.y, axes.z}), std::max({axes.x, axes.y, axes.z})};
+    const KernelAxes& axes = as_regular(&field)->kernel_axes();
+    return {axes.least(), axes.longest()};
 }
 
 /// Of parts that are not drawn now, what takes more than the so-manieth part of their memory is dropped.

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/memory.hpp"
+#include "field/lattice_frame.hpp"
 #include "sheetsplat/error.hpp"
 
 namespace sheetsplat {
@@ -103,13 +104,16 @@ std::shared_ptr<const Field> field_of_blocks(const RegularField& field, const Le
     options.normalization = field.normalization();
     options.w0 = field.w0();
     options.least_weight = field.least_weight();
-    options.domain = field.domain_world();
+    options.domain = field.domain();
     for (int axis = 0; axis < 3; ++axis) {
         const auto count = static_cast<double>(block[static_cast<std::size_t>(axis)]);
-        options.origin[axis] += 0.5 * (count - 1.0) * options.spacing[axis];
+        options.origin += 0.5 * (count - 1.0) * field.steps()[axis];
         options.spacing[axis] *= count;
+        if (options.axes) {
+            (*options.axes)[axis] *= count;
+        }
     }
-    const bool present = field.normalization() == Normalization::threshold || field.domain_world();
+    const bool present = field.normalization() == Normalization::threshold || field.domain();
     return std::visit(
         [&](const auto& samples) -> std::shared_ptr<const Field> {
             using T = typename std::decay_t<decltype(samples)>::value_type;
@@ -134,7 +138,7 @@ Level level_of(const Scene& scene, double pixel_world, bool whole) {
         kernels += count;
         double spacing = field->default_slice_spacing();
         if (regular != nullptr && regular->lattice() == Lattice::cartesian && !whole) {
-            const Vec3& distance = regular->options().spacing;
+            const Vec3 distance = regular->options().axes ? heights(regular->steps()) : regular->options().spacing;
             spacing = std::numeric_limits<double>::infinity();
             for (int axis = 0; axis < 3; ++axis) {
                 const auto a = static_cast<std::size_t>(axis);

@@ -58,8 +58,10 @@ void fill(const LightGrid& grid, const LightCut& cut, const Group* group, const 
     DrawPlan plan = group == nullptr ? through(prepared.plan, scene) : through_group(prepared.plan, scene, *group);
     plan.owned = scene.part && group == nullptr;
     if (scene.part) {
-        constexpr double everywhere = std::numeric_limits<double>::infinity();
-        scene.part->cell = {Vec3(-everywhere, -everywhere, cut.lower), Vec3(everywhere, everywhere, cut.upper)};
+        if (scene.part->cell.upright()) {
+            constexpr double everywhere = std::numeric_limits<double>::infinity();
+            scene.part->cell = Box{Vec3(-everywhere, -everywhere, cut.lower), Vec3(everywhere, everywhere, cut.upper)};
+        }
         scene.part->in_front.reset();
         plan.owned = plan.owned && scene.part->cuts();
     }

@@ -11,6 +11,8 @@
 
 #include <glm/geometric.hpp>
 
+#include "field/lattice_frame.hpp"
+
 namespace sheetsplat {
 
 namespace {
@@ -150,14 +152,14 @@ struct Points {
 /// x, y: pixels.
 Points points_of(const RegularField& field, const std::vector<Clip::Plane>& kept, const Camera& camera,
                  const Frame& frame, double x, double y) {
-    const Vec3 spacing = field.options().spacing;
+    const Mat3 to_index = to_indices(field.steps());
     const auto world_at = [&](std::int64_t n) {
         const double depth = frame.depth_of(n);
         const double pixel = frame.pixel * (frame.projection == Projection::perspective ? depth : 1.0);
         return camera.eye() + (x + 0.5 - frame.axis_x) * pixel * camera.right_world() +
                (frame.axis_y - y - 0.5) * pixel * camera.up_world() - depth * camera.back_world();
     };
-    const auto place = [&](const Vec3& world) { return (world - field.options().origin) / spacing; };
+    const auto place = [&](const Vec3& world) { return to_index * (world - field.options().origin); };
     const Vec3 front = world_at(0), back = world_at(frame.slices - 1);
     Points points;
     points.start = place(front);

@@ -32,7 +32,7 @@ std::array<double, 2> filtered_reach(const Field& field, const Vec3& from, const
         return std::array<double, 2>{reach[0] - longer, reach[1] + longer};
     };
     if (const RegularField* regular = as_regular(&field)) {
-        return widened(field.reach_along(from, direction), glm::length(regular->semi_axes_world() * direction));
+        return widened(field.reach_along(from, direction), glm::length(regular->kernel_axes().row(direction)));
     }
     std::array<double, 2> all{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
     const EllipsoidField& ellipsoids = *as_ellipsoids(&field);

@@ -24,20 +24,20 @@ LatticeSection section_of(const ShapeRows& rows) {
 }
 
 ShapeRows rows_of(const RegularField& field, const Camera& camera) {
-    const Vec3 axes = field.semi_axes_world();
-    return {camera.right_world() * axes, camera.up_world() * axes, camera.back_world() * axes};
+    const KernelAxes& axes = field.kernel_axes();
+    return {axes.row(camera.right_world()), axes.row(camera.up_world()), axes.row(camera.back_world())};
 }
 
 LatticeSection lattice_section(const RegularField& field, const Camera& camera) {
-    const Vec3 axes = field.semi_axes_world();
-    if (!(axes.x == axes.y && axes.y == axes.z)) {
+    if (!field.kernel_axes().is_sphere()) {
         return section_of(rows_of(field, camera));
     }
+    const double radius = field.kernel_axes().lengths.x;
     // A sphere's cross-section needs no rotation; this one keeps u, v along eye x, y.
     LatticeSection section;
-    section.to_unit = glm::dmat2(1.0 / axes.x, 0.0, 0.0, 1.0 / axes.x);
+    section.to_unit = glm::dmat2(1.0 / radius, 0.0, 0.0, 1.0 / radius);
     section.shear = glm::dvec2(0.0);
-    section.half_depth = section.extent_x = section.extent_y = axes.x;
+    section.half_depth = section.extent_x = section.extent_y = radius;
     return section;
 }
 

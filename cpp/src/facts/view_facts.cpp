@@ -37,8 +37,7 @@ void add_lattice(const RegularField& field, const Scene& scene, const Camera& ca
                  ViewFacts& facts) {
     const LatticeSection section = lattice_section(field, camera);
     facts.shapes.sheared = facts.shapes.sheared || section.sheared;
-    const Vec3 axes = field.semi_axes_world();
-    const double thinnest = std::min({axes.x, axes.y, axes.z});
+    const double thinnest = field.kernel_axes().least();
     const FilterWidth width =
         filter_width(frame, field.kernel(), frame.depth_of(std::max<std::int64_t>(frame.slices, 1) - 1));
     const double coarse = std::max(width.across, width.along);

@@ -2,7 +2,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <string>
+#include <type_traits>
 #include <utility>
 
 #include <glm/geometric.hpp>
@@ -24,6 +26,8 @@ constexpr double largest_length = 1e100, smallest_length = 1e-100;
 /// A quaternion this far from unit length is a mistake and not a rounding error.
 constexpr double quaternion_tolerance = 1e-3;
 constexpr double equal_volumes = 1e-6;
+/// Of one kernel, itself included, in a periodic box.
+constexpr double most_images = 1000.0;
 /// conventions, section 3.
 constexpr double slices_of_diagonal = 2048.0;
 
@@ -217,6 +221,9 @@ EllipsoidField::EllipsoidField(EllipsoidArrays arrays, const EllipsoidFieldOptio
         arrays_.rotations.clear();
         arrays_.rotations.shrink_to_fit();
     }
+    if (options.periodic) {
+        wrap_centers();
+    }
     if (n == 0) {
         arrays_ = {};
         return;
@@ -247,6 +254,9 @@ EllipsoidField::EllipsoidField(EllipsoidArrays arrays, const EllipsoidFieldOptio
     std::nth_element(smallest.begin(), middle, smallest.end());
     const double median = n % 2 == 1 ? *middle : 0.5 * (*middle + *std::max_element(smallest.begin(), middle));
     slice_spacing_ = std::max(0.5 * median, glm::length(centres_world_.extent()) / slices_of_diagonal);
+    if (domain_) {
+        add_images();
+    }
 
     if (options.normalization == Normalization::lattice) {
         const Words failed = "EllipsoidField: " + option_ref("normalization", "lattice") + " cannot be used";
@@ -269,6 +279,131 @@ EllipsoidField::EllipsoidField(EllipsoidArrays arrays, const EllipsoidFieldOptio
                                          "give " + option_ref("cell_volume") + " in the world's units, cubed"});
         }
     }
+}
+
+void EllipsoidField::wrap_centers() {
+    constexpr double infinity = std::numeric_limits<double>::infinity();
+    const Box& box = *options_.periodic;
+    domain_ = Box{Vec3(-infinity), Vec3(infinity)};
+    for (int axis = 0; axis < 3; ++axis) {
+        const double lower = box.lower[axis], side = box.upper[axis] - lower;
+        if (!(lower <= box.upper[axis])) {
+            throw InvalidInput(Complaint{unusable(owner, "periodic"), text_of(box.lower) + " to " + text_of(box.upper),
+                                         "a lower and an upper corner",
+                                         "give a side of length 0 along an axis that does not wrap"});
+        }
+        if (side == 0.0 || !is_finite(side)) {
+            continue;
+        }
+        domain_->box.lower[axis] = lower;
+        domain_->box.upper[axis] = box.upper[axis];
+        for (Vec3& center : arrays_.centers) {
+            double& at = center[axis];
+            // What lies in the box stays what it is to the last digit.
+            if (at < lower || at >= box.upper[axis]) {
+                const double share = (at - lower) / side;
+                at = lower + (share - std::floor(share)) * side;
+                at = at < box.upper[axis] ? at : lower;
+            }
+        }
+    }
+}
+
+void EllipsoidField::add_images() {
+    /// By how many sides a kernel and its images lie farther along each axis.
+    struct Images {
+        Vec3 first{0.0}, last{0.0};
+        double count = 1.0; ///< with the kernel itself
+    };
+    Vec3 side(0.0);
+    const Box& box = domain_->box;
+    for (int axis = 0; axis < 3; ++axis) {
+        side[axis] = is_finite(box.lower[axis]) ? box.upper[axis] - box.lower[axis] : 0.0;
+    }
+    const auto images_of = [&](std::size_t i) {
+        const Vec3 reach = extent(i), at = center(i);
+        Images found;
+        for (int axis = 0; axis < 3; ++axis) {
+            if (side[axis] > 0.0) {
+                found.first[axis] = std::floor((box.lower[axis] - reach[axis] - at[axis]) / side[axis]) + 1.0;
+                found.last[axis] = std::ceil((box.upper[axis] + reach[axis] - at[axis]) / side[axis]) - 1.0;
+                found.count *= found.last[axis] - found.first[axis] + 1.0;
+            }
+        }
+        return found;
+    };
+    const std::size_t n = size();
+    std::size_t all = n;
+    for (std::size_t i = 0; i < n; ++i) {
+        const double count = images_of(i).count;
+        if (count > most_images) {
+            const Vec3 reach = extent(i);
+            throw InvalidInput(Complaint{"EllipsoidField: the periodic box cannot be used",
+                                         text_of(count) + " images of kernel " + text_of_count(i) +
+                                             ", semi-axes up to " + text_of(std::max({reach.x, reach.y, reach.z})),
+                                         "at most " + text_of(most_images) + " of a kernel",
+                                         "use smaller kernels, or a larger box"});
+        }
+        all += static_cast<std::size_t>(count) - 1;
+    }
+    const auto reserve = [&](auto& array) {
+        using Entry = typename std::decay_t<decltype(array)>::value_type;
+        require_memory(static_cast<std::uint64_t>(all) * sizeof(Entry), "the images of kernels",
+                       "use fewer kernels at a time");
+        array.reserve(all);
+    };
+    reserve(arrays_.centers);
+    reserve(owners_);
+    for (std::size_t i = 0; i < n; ++i) {
+        const Images found = images_of(i);
+        const Vec3 reach = extent(i);
+        for (double z = found.first.z; z <= found.last.z; ++z) {
+            for (double y = found.first.y; y <= found.last.y; ++y) {
+                for (double x = found.first.x; x <= found.last.x; ++x) {
+                    if (x != 0.0 || y != 0.0 || z != 0.0) {
+                        const Vec3 at = center(i) + Vec3(x, y, z) * side;
+                        owners_.push_back(i);
+                        arrays_.centers.push_back(at);
+                        supports_world_ = Box{glm::min(supports_world_.lower, at - reach),
+                                              glm::max(supports_world_.upper, at + reach)};
+                    }
+                }
+            }
+        }
+    }
+    const auto copy = [&](auto& array) {
+        if (!array.empty()) {
+            reserve(array);
+            for (const std::size_t kernel : owners_) {
+                array.push_back(array[kernel]);
+            }
+        }
+    };
+    copy(arrays_.radii);
+    copy(arrays_.scales);
+    copy(arrays_.rotations);
+    copy(arrays_.values);
+    copy(arrays_.weights);
+}
+
+std::int64_t EllipsoidField::given_kernel(std::int64_t number) const {
+    const auto own = static_cast<std::int64_t>(given());
+    return number < own ? number : static_cast<std::int64_t>(owners_[static_cast<std::size_t>(number - own)]);
+}
+
+std::shared_ptr<const EllipsoidField> EllipsoidField::without_end() const {
+    EllipsoidArrays arrays = arrays_;
+    arrays.unit_rotations = true;
+    const auto cut = [&](auto& array) { array.resize(std::min(array.size(), given())); };
+    cut(arrays.centers);
+    cut(arrays.radii);
+    cut(arrays.scales);
+    cut(arrays.rotations);
+    cut(arrays.values);
+    cut(arrays.weights);
+    EllipsoidFieldOptions options = options_;
+    options.periodic.reset();
+    return std::make_shared<const EllipsoidField>(std::move(arrays), options);
 }
 
 Mat3 EllipsoidField::shape(std::size_t i) const {
@@ -304,9 +439,9 @@ std::array<double, 2> EllipsoidField::reach_along(std::size_t i, const Vec3& fro
 }
 
 std::size_t EllipsoidField::memory() const {
-    return sizeof(EllipsoidField) + arrays_.centers.capacity() * sizeof(Vec3) +
-           arrays_.radii.capacity() * sizeof(double) + arrays_.scales.capacity() * sizeof(Vec3) +
-           arrays_.rotations.capacity() * sizeof(glm::dquat) +
+    return sizeof(EllipsoidField) + owners_.capacity() * sizeof(std::size_t) +
+           arrays_.centers.capacity() * sizeof(Vec3) + arrays_.radii.capacity() * sizeof(double) +
+           arrays_.scales.capacity() * sizeof(Vec3) + arrays_.rotations.capacity() * sizeof(glm::dquat) +
            (arrays_.values.capacity() + arrays_.weights.capacity()) * sizeof(double);
 }
 

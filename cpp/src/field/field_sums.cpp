@@ -11,6 +11,7 @@
 #include <glm/geometric.hpp>
 
 #include "base/threads.hpp"
+#include "field/lattice_frame.hpp"
 #include "point_tree.hpp"
 #include "sheetsplat/field_points.hpp"
 
@@ -91,6 +92,9 @@ std::vector<FieldSums> sums_of(const EllipsoidField& field, const std::vector<Ve
             }
         });
     }
+    for (FieldSums& one : sums) {
+        one.nearest = field.given_kernel(one.nearest);
+    }
     return sums;
 }
 
@@ -101,15 +105,15 @@ struct AxisReach {
     std::vector<double> offset, in_axes, squared, factor;
 
     [[nodiscard]] std::size_t count() const { return offset.size(); }
-    /// Position(n): where the centre of the kernel n along the axis is.
-    template <class Position>
-    void find(std::array<std::size_t, 2> range, double point, double semi_axis, double falloff, Position&& position) {
+    /// first_centre, step: where the centres of kernels along the axis are.
+    void find(std::array<std::size_t, 2> range, double point, double semi_axis, double falloff, double first_centre,
+              double step) {
         first = range[0];
         for (std::vector<double>* numbers : {&offset, &in_axes, &squared, &factor}) {
             numbers->resize(range[1] - range[0]);
         }
         for (std::size_t n = 0; n < count(); ++n) {
-            offset[n] = point - position(first + n);
+            offset[n] = point - (first_centre + static_cast<double>(first + n) * step);
             in_axes[n] = offset[n] / semi_axis;
             squared[n] = in_axes[n] * in_axes[n];
             factor[n] = std::exp(-falloff * squared[n]);
@@ -121,23 +125,20 @@ struct AxisReach {
 class VolumeSums {
   public:
     explicit VolumeSums(const RegularField& field)
-        : field_(field), profile_(field.kernel()), bcc_(field.lattice() == Lattice::bcc),
-          semi_axes_(field.semi_axes_world()) {
-        const double a = field.options().spacing.x;
-        step_ = bcc_ ? Vec3(a, a, 0.5 * a) : field.options().spacing;
-    }
+        : field_(field), profile_(field.kernel()), bcc_(field.lattice() == Lattice::bcc), frame_(field) {}
 
-    FieldSums at(const Vec3& point) {
+    FieldSums at(const Vec3& world) {
+        const Vec3 point = frame_.place(world);
         const auto [nk, nj, ni] = field_.shape();
         const auto along_i = range(point, 0, ni), along_j = range(point, 1, nj), along_k = range(point, 2, nk);
         const double k = field_.kernel().falloff;
-        z_.find(along_k, point.z, semi_axes_.z, k, [&](std::size_t n) { return field_.position(0, 0, n).z; });
+        const Vec3 &semi_axes = frame_.semi_axes, &step = frame_.step;
+        z_.find(along_k, point.z, semi_axes.z, k, 0.0, step.z);
         // The odd layers of a BCC lattice are shifted.
         for (std::size_t odd = 0; odd < (bcc_ ? 2 : 1); ++odd) {
-            x_[odd].find(along_i, point.x, semi_axes_.x, k,
-                         [&](std::size_t n) { return field_.position(n, 0, odd).x; });
-            y_[odd].find(along_j, point.y, semi_axes_.y, k,
-                         [&](std::size_t n) { return field_.position(0, n, odd).y; });
+            const double shift = odd == 1 ? 0.5 : 0.0;
+            x_[odd].find(along_i, point.x, semi_axes.x, k, shift * step.x, step.x);
+            y_[odd].find(along_j, point.y, semi_axes.y, k, shift * step.y, step.y);
         }
         return std::visit([&](const auto& samples) { return sums(samples.data()); }, field_.samples());
     }
@@ -145,8 +146,8 @@ class VolumeSums {
   private:
     /// First and last sample along an axis that may reach a point, rounding and the shift of odd layers included.
     [[nodiscard]] std::array<std::size_t, 2> range(const Vec3& point, int axis, std::size_t count) const {
-        const double middle = (point[axis] - field_.options().origin[axis]) / step_[axis];
-        const double reach = semi_axes_[axis] / step_[axis] + 1.0;
+        const double middle = point[axis] / frame_.step[axis];
+        const double reach = frame_.semi_axes[axis] / frame_.step[axis] + 1.0;
         const auto most = static_cast<double>(count);
         return {static_cast<std::size_t>(std::clamp(std::floor(middle - reach), 0.0, most)),
                 static_cast<std::size_t>(std::clamp(std::ceil(middle + reach) + 1.0, 0.0, most))};
@@ -172,8 +173,12 @@ class VolumeSums {
                     const double r2 = x.squared[a] + y.squared[b] + z_.squared[c];
                     const double value = static_cast<double>(samples[row + a]) - field_.counted_from();
                     if (r2 < 1.0 && !std::isnan(value)) {
-                        const Vec3 offset(x.offset[a], y.offset[b], z_.offset[c]);
-                        const Vec3 slope = Vec3(x.in_axes[a], y.in_axes[b], z_.in_axes[c]) / semi_axes_;
+                        Vec3 offset(x.offset[a], y.offset[b], z_.offset[c]);
+                        Vec3 slope = Vec3(x.in_axes[a], y.in_axes[b], z_.in_axes[c]) / frame_.semi_axes;
+                        if (frame_.oblique) {
+                            offset = field_.steps() * offset;
+                            slope = slope * frame_.to_lattice;
+                        }
                         profile_.add(sums, row + a, value, 1.0, offset, r2, x.factor[a] * factor, slope);
                     }
                 }
@@ -185,7 +190,7 @@ class VolumeSums {
     const RegularField& field_;
     Profile profile_;
     bool bcc_;
-    Vec3 semi_axes_, step_{0.0};
+    LatticeFrame frame_;
     AxisReach x_[2], y_[2], z_;
 };
 

@@ -71,8 +71,8 @@ void RegularField::find_rows() {
 
 RegularField::RegularField(const RegularField& inner, Mirrored)
     : samples_(inner.samples_), given_(inner.given_), options_(inner.options_), centres_world_(inner.centres_world_),
-      value_range_(inner.value_range_), given_range_(inner.given_range_), prefilter_(inner.prefilter_),
-      has_holes_(inner.has_holes_) {
+      steps_(inner.steps_), kernel_axes_(inner.kernel_axes_), value_range_(inner.value_range_),
+      given_range_(inner.given_range_), prefilter_(inner.prefilter_), has_holes_(inner.has_holes_) {
     kernel_ = inner.kernel_;
     normalization_ = inner.normalization_;
     w0_ = inner.w0_;
@@ -83,9 +83,7 @@ RegularField::RegularField(const RegularField& inner, Mirrored)
     const auto& ends = inner.mirrored_;
     for (std::size_t axis = 0; axis < 3; ++axis) {
         shape_[axis] = inner.shape_[axis] + 2 * ends[axis];
-        const double step =
-            bcc ? options_.spacing.x * (axis == 0 ? 0.5 : 1.0) : options_.spacing[static_cast<glm::length_t>(2 - axis)];
-        options_.origin[static_cast<glm::length_t>(2 - axis)] -= static_cast<double>(ends[axis]) * step;
+        options_.origin -= static_cast<double>(ends[axis]) * steps_[static_cast<glm::length_t>(2 - axis)];
     }
     const auto place = [](std::size_t n, std::size_t before) {
         return static_cast<std::ptrdiff_t>(n) - static_cast<std::ptrdiff_t>(before);
@@ -195,9 +193,10 @@ void RegularField::find_outermost_rows() {
 
 RegularField::RegularField(const RegularField& inner, Endless)
     : samples_(inner.samples_), shape_(inner.shape_), options_(inner.options_), centres_world_(inner.centres_world_),
-      mirrored_(inner.mirrored_), layers_(inner.layers_), rows_(inner.rows_), extents_(inner.extents_),
-      extent_of_row_(inner.extent_of_row_), value_range_(inner.given_range_), given_range_(inner.given_range_),
-      kernels_(inner.kernels_), has_holes_(inner.has_holes_) {
+      steps_(inner.steps_), kernel_axes_(inner.kernel_axes_), mirrored_(inner.mirrored_), layers_(inner.layers_),
+      rows_(inner.rows_), extents_(inner.extents_), extent_of_row_(inner.extent_of_row_),
+      value_range_(inner.given_range_), given_range_(inner.given_range_), kernels_(inner.kernels_),
+      has_holes_(inner.has_holes_) {
     kernel_ = inner.kernel_;
     normalization_ = options_.normalization;
     w0_ = options_.w0;
@@ -254,7 +253,7 @@ std::array<double, 2> RegularField::range_near_ends(std::size_t samples) const {
 }
 
 std::shared_ptr<const RegularField> RegularField::with_mirrored() const {
-    if (!domain_world_) {
+    if (!domain_) {
         return nullptr;
     }
     const std::string what = "the rows of a volume with mirrored samples";

@@ -9,21 +9,23 @@
 #include <utility>
 
 #include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
 
 #include "base/checks.hpp"
 #include "base/memory.hpp"
 #include "base/poll.hpp"
 #include "base/unusable.hpp"
+#include "field/lattice_frame.hpp"
 #include "field/prefilter.hpp"
+#include "kernel_axes.hpp"
 #include "mirrored.hpp"
+#include "regular_options.hpp"
 #include "sheetsplat/error.hpp"
 #include "sheetsplat/field.hpp"
 
 namespace sheetsplat {
 namespace {
 
-/// Sums over the kernels that overlap must stay finite in float64.
-constexpr double largest_sample = 1e300;
 /// More mirrored layers than any kernel that can be drawn in a lifetime reaches.
 constexpr double largest_mirrored = 4096.0;
 
@@ -32,39 +34,6 @@ std::string text_of_shape(const std::array<std::size_t, 3>& shape) {
 }
 
 constexpr const char* owner = "RegularField";
-
-void require_positive(double value, const char* name) {
-    if (!(value > 0.0) || !is_finite(value)) {
-        throw InvalidInput(Complaint{unusable(owner, name), text_of(value), "a finite number above 0"});
-    }
-}
-
-void check_options(const RegularFieldOptions& options) {
-    const bool bcc = options.lattice == Lattice::bcc;
-    const bool positive = options.spacing.x > 0.0 && (bcc || (options.spacing.y > 0.0 && options.spacing.z > 0.0));
-    if (!positive || !is_finite(options.spacing.x) || (!bcc && !is_finite(options.spacing))) {
-        throw InvalidInput(Complaint{unusable(owner, "spacing"), text_of(options.spacing),
-                                     bcc ? "a finite first number above 0, the edge of the BCC lattice's cubes"
-                                         : "three finite numbers above 0",
-                                     "give the distance of neighbouring samples along x, y and z in world units"});
-    }
-    if (!is_finite(options.origin)) {
-        throw InvalidInput(Complaint{unusable(owner, "origin"), text_of(options.origin), "three finite numbers",
-                                     "give the world position of sample (0, 0, 0)"});
-    }
-    require_positive(options.radius, "radius");
-    require_positive(options.falloff, "falloff");
-    if (options.normalization == Normalization::threshold) {
-        require_positive(options.w0, "w0");
-    } else if (!is_finite(options.w0)) {
-        throw InvalidInput(Complaint{unusable(owner, "w0"), text_of(options.w0), "a finite number"});
-    }
-    if (options.base && !(std::abs(*options.base) <= largest_sample)) {
-        throw InvalidInput(Complaint{unusable(owner, "base"), text_of(*options.base),
-                                     "a finite number of magnitude up to " + text_of(largest_sample),
-                                     "leave it out to count values from one of the data's"});
-    }
-}
 
 /// The value of the first sample that is not missing, if at least one in a hundred has it, else the middle of the
 /// range; 0 where all are missing (conventions, section 2).
@@ -177,7 +146,7 @@ struct Extent {
     }
 };
 
-std::size_t steps(Lattice lattice, std::size_t index, std::size_t k) {
+std::size_t half_steps(Lattice lattice, std::size_t index, std::size_t k) {
     return lattice == Lattice::bcc ? 2 * index + k % 2 : index;
 }
 
@@ -246,8 +215,8 @@ struct Holes {
                 }
                 if (first < ni) {
                     rows[k * nj + j] = {static_cast<std::uint32_t>(first), static_cast<std::uint32_t>(last + 1)};
-                    extent.add(0, steps(options.lattice, first, k), steps(options.lattice, last, k));
-                    extent.add(1, steps(options.lattice, j, k), steps(options.lattice, j, k));
+                    extent.add(0, half_steps(options.lattice, first, k), half_steps(options.lattice, last, k));
+                    extent.add(1, half_steps(options.lattice, j, k), half_steps(options.lattice, j, k));
                     extent.add(2, k, k);
                 }
             }
@@ -264,10 +233,33 @@ Extent full_extent(const std::array<std::size_t, 3>& shape, Lattice lattice) {
     // The last odd layer of a BCC lattice, or layer 0 where there is none, reaches farthest.
     const std::size_t farthest = nk > 1 ? 1 : 0;
     Extent result;
-    result.add(0, 0, steps(lattice, ni - 1, farthest));
-    result.add(1, 0, steps(lattice, nj - 1, farthest));
+    result.add(0, 0, half_steps(lattice, ni - 1, farthest));
+    result.add(1, 0, half_steps(lattice, nj - 1, farthest));
     result.add(2, 0, nk - 1);
     return result;
+}
+
+/// The same for a lattice whose axes are not the world's.
+void check_oblique_positions(const RegularFieldOptions& options, const std::array<std::size_t, 3>& shape,
+                             const KernelAxes& kernel) {
+    double reach = glm::length(options.origin) + kernel.longest();
+    double shortest = std::numeric_limits<double>::infinity();
+    for (int axis = 0; axis < 3; ++axis) {
+        const auto last = static_cast<double>(shape[static_cast<std::size_t>(2 - axis)] - 1);
+        reach += last * options.spacing[axis];
+        shortest = last > 0.0 ? std::min(shortest, options.spacing[axis]) : shortest;
+    }
+    const std::string failed = "RegularField: the samples' positions cannot be used";
+    const std::string found = "origin " + text_of(options.origin) + ", axes of the lengths " + text_of(options.spacing);
+    if (!(reach < 1e150) || !(kernel.least() > 1e-150)) {
+        throw InvalidInput(Complaint{failed, found, "positions below 1e150, supports wider than 1e-150",
+                                     "choose another unit of length"});
+    }
+    if (shortest < 8.0 * std::numeric_limits<double>::epsilon() * reach) {
+        throw InvalidInput(Complaint{failed, found + ": neighbouring samples fall on one float64 number",
+                                     "positions that differ",
+                                     "move " + option_ref("origin") + " nearer to 0, or check " + option_ref("axes")});
+    }
 }
 
 void check_positions(const RegularFieldOptions& options, const Extent& extent, const Vec3& semi_axes) {
@@ -332,7 +324,12 @@ RegularField::RegularField(SampleArray samples, std::array<std::size_t, 3> shape
             "use the default, " + option_ref("radius", "2") + " and " + option_ref("falloff", "5")});
     }
     Extent extent = full_extent(shape_, options_.lattice);
-    check_positions(options_, extent, semi_axes_world());
+    find_axes();
+    if (options_.axes) {
+        check_oblique_positions(options_, shape_, kernel_axes_);
+    } else {
+        check_positions(options_, extent, kernel_axes_.lengths);
+    }
     std::visit(
         [&](const auto& array) {
             using T = typename std::decay_t<decltype(array)>::value_type;
@@ -359,13 +356,13 @@ RegularField::RegularField(SampleArray samples, std::array<std::size_t, 3> shape
     options_.base = base_;
     require_moderate(given_range_);
     find_domain();
-    if (kernels_ > 0) {
+    if (kernels_ > 0 && !options_.axes) {
         for (int axis = 0; axis < 3; ++axis) {
             centres_world_.lower[axis] = along(options_, axis, extent.first[static_cast<std::size_t>(axis)]);
             centres_world_.upper[axis] = along(options_, axis, extent.last[static_cast<std::size_t>(axis)]);
         }
     }
-    if (has_holes_ && domain_world_ && normalization_ == Normalization::lattice) {
+    if (has_holes_ && domain_ && normalization_ == Normalization::lattice) {
         // No value may appear that lies between the data and nothing.
         normalization_ = Normalization::threshold;
         w0_ = least_weight_ = 0.5 * lattice_constant();
@@ -377,7 +374,7 @@ RegularField::RegularField(SampleArray samples, std::array<std::size_t, 3> shape
     } else if (options_.prefilter) {
         const PollScope polling([&progress] { report_progress(progress, 0.0); });
         RegularFieldOptions resolved = options_;
-        resolved.boundary = domain_world_ ? Boundary::edge : Boundary::zero;
+        resolved.boundary = domain_ ? Boundary::edge : Boundary::zero;
         PrefilteredSamples made = prefiltered(samples, shape_, resolved);
         given_ = std::make_shared<const SampleArray>(std::move(samples));
         take(std::move(made));
@@ -388,6 +385,14 @@ RegularField::RegularField(SampleArray samples, std::array<std::size_t, 3> shape
     find_rows();
     if (kernels_ == 0) {
         value_range_ = {0.0, 0.0};
+    } else if (options_.axes) {
+        for (int axis = 0; axis < 3; ++axis) {
+            Vec3 direction(0.0);
+            direction[axis] = 1.0;
+            const std::array<double, 2> reach = centres_along(Vec3(0.0), direction);
+            centres_world_.lower[axis] = reach[0];
+            centres_world_.upper[axis] = reach[1];
+        }
     }
     if (options_.value_range) {
         value_range_ = {std::min(value_range_[0], (*options_.value_range)[0]),
@@ -409,6 +414,20 @@ void RegularField::take(PrefilteredSamples&& found) {
     normalization_ = options_.normalization = Normalization::none;
 }
 
+void RegularField::find_axes() {
+    if (options_.axes) {
+        steps_ = *options_.axes;
+        options_.spacing = Vec3(glm::length(steps_[0]), glm::length(steps_[1]), glm::length(steps_[2]));
+        kernel_axes_ = axes_of(options_.radius * steps_);
+        return;
+    }
+    const bool bcc = options_.lattice == Lattice::bcc;
+    const double a = options_.spacing.x;
+    const Vec3 step = bcc ? Vec3(a, a, 0.5 * a) : options_.spacing;
+    steps_ = Mat3(step.x, 0.0, 0.0, 0.0, step.y, 0.0, 0.0, 0.0, step.z);
+    kernel_axes_.lengths = bcc ? Vec3(options_.radius * a / std::sqrt(2.0)) : options_.radius * options_.spacing;
+}
+
 void RegularField::find_domain() {
     const bool bcc = options_.lattice == Lattice::bcc;
     if (options_.boundary == Boundary::zero || (bcc && shape_[0] < 2) || kernels_ == 0) {
@@ -427,6 +446,19 @@ void RegularField::find_domain() {
     // Of BCC, whole edges of two layers, so that even layers stay even.
     mirrored_ = bcc ? std::array<std::size_t, 3>{2 * ((whole + 1) / 2), (whole + 2) / 2, (whole + 2) / 2}
                     : std::array<std::size_t, 3>{whole, whole, whole};
+    if (options_.domain) {
+        domain_ = options_.domain;
+        return;
+    }
+    if (options_.axes) {
+        const Mat3 to_index = to_indices(steps_);
+        const Vec3 first = to_index * options_.origin;
+        const Vec3 last =
+            first +
+            Vec3(static_cast<double>(shape_[2]), static_cast<double>(shape_[1]), static_cast<double>(shape_[0])) - 1.0;
+        domain_.emplace(Box{first - domain_in_layers, last + domain_in_layers}, to_index);
+        return;
+    }
     const Extent all = full_extent(shape_, options_.lattice);
     Box domain;
     for (int axis = 0; axis < 3; ++axis) {
@@ -434,7 +466,7 @@ void RegularField::find_domain() {
         domain.lower[axis] = along(options_, axis, 0) - domain_in_layers * step;
         domain.upper[axis] = along(options_, axis, all.last[static_cast<std::size_t>(axis)]) + domain_in_layers * step;
     }
-    domain_world_ = options_.domain.value_or(domain);
+    domain_ = domain;
 }
 
 Box RegularField::supports_world() const {
@@ -452,6 +484,10 @@ Box RegularField::supports_world() const {
 }
 
 double RegularField::default_slice_spacing() const {
+    if (options_.axes) {
+        const Vec3 all = heights(steps_);
+        return std::min({all.x, all.y, all.z});
+    }
     const Vec3& d = options_.spacing;
     return options_.lattice == Lattice::bcc ? 0.5 * d.x : std::min({d.x, d.y, d.z});
 }
@@ -468,8 +504,11 @@ std::size_t RegularField::memory() const {
 }
 
 Vec3 RegularField::position(std::size_t i, std::size_t j, std::size_t k) const {
-    return {along(options_, 0, steps(options_.lattice, i, k)), along(options_, 1, steps(options_.lattice, j, k)),
-            along(options_, 2, k)};
+    if (options_.axes) {
+        return options_.origin + steps_ * Vec3(static_cast<double>(i), static_cast<double>(j), static_cast<double>(k));
+    }
+    return {along(options_, 0, half_steps(options_.lattice, i, k)),
+            along(options_, 1, half_steps(options_.lattice, j, k)), along(options_, 2, k)};
 }
 
 double RegularField::value(std::size_t i, std::size_t j, std::size_t k) const {
@@ -477,12 +516,7 @@ double RegularField::value(std::size_t i, std::size_t j, std::size_t k) const {
     return std::visit([n](const auto& array) { return static_cast<double>(array[n]); }, *samples_) - counted_from();
 }
 
-Vec3 RegularField::semi_axes_world() const {
-    if (options_.lattice == Lattice::bcc) {
-        return Vec3(options_.radius * options_.spacing.x / std::sqrt(2.0));
-    }
-    return options_.radius * options_.spacing;
-}
+double RegularField::step_volume() const { return std::abs(glm::determinant(steps_)); }
 
 double RegularField::lattice_constant() const {
     // Spacing cancels: the semi-axes' product over the volume per sample is radius^3 (Cartesian),
@@ -492,6 +526,12 @@ double RegularField::lattice_constant() const {
 }
 
 std::array<double, 2> RegularField::reach_along(const Vec3& from, const Vec3& direction) const {
+    const std::array<double, 2> range = centres_along(from, direction);
+    const double reach = glm::length(kernel_axes_.row(direction));
+    return {range[0] - reach, range[1] + reach};
+}
+
+std::array<double, 2> RegularField::centres_along(const Vec3& from, const Vec3& direction) const {
     std::array<double, 2> range{std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
     const auto add = [&](std::size_t i, std::size_t j, std::size_t k) {
         const double at = glm::dot(position(i, j, k) - from, direction);
@@ -524,8 +564,7 @@ std::array<double, 2> RegularField::reach_along(const Vec3& from, const Vec3& di
             }
         }
     }
-    const double reach = glm::length(semi_axes_world() * direction);
-    return {range[0] - reach, range[1] + reach};
+    return range;
 }
 
 } // namespace sheetsplat

@@ -4,6 +4,9 @@
 #include <cmath>
 
 #include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
+
+#include "field/lattice_frame.hpp"
 
 namespace sheetsplat {
 
@@ -48,7 +51,14 @@ Neighbourhood::Neighbourhood(const RegularField& field, double reach_world) : la
         half_width = Vec3(radius, radius, 2.0 * radius);
     } else {
         two_radii_ = 2.0 * options.radius;
-        reach_ = reach_world / options.spacing;
+        // In index coordinates the ball is an ellipsoid {x: x^T Q^-1 x < reach^2}; the diagonal matrix of the sums of
+        // |Q| along its rows is at least Q, and Q itself where axes are those of the world.
+        const Mat3 to_index = to_indices(field.steps());
+        const Mat3 squares = to_index * glm::transpose(to_index);
+        for (int axis = 0; axis < 3; ++axis) {
+            reach_[axis] = reach_world * std::sqrt(std::abs(squares[0][axis]) + std::abs(squares[1][axis]) +
+                                                   std::abs(squares[2][axis]));
+        }
         half_width = two_radii_ + reach_;
     }
     const std::array<std::size_t, 3>& shape = field.shape();

@@ -23,7 +23,9 @@ constexpr double dark = 1e-4;
 constexpr double all_steps = std::numeric_limits<double>::max();
 
 /// From where to where a line is in a box, in units of its direction; first > second: nowhere.
-std::pair<double, double> within(const Box& box, const Vec3& start, const Vec3& direction) {
+std::pair<double, double> within(const Parallelepiped& cell, const Vec3& world, const Vec3& along) {
+    const Box& box = cell.box;
+    const Vec3 start = cell.to_box * world, direction = cell.to_box * along;
     double from = -all_steps, to = all_steps;
     for (int axis = 0; axis < 3; ++axis) {
         if (direction[axis] != 0.0) {
@@ -39,9 +41,9 @@ std::pair<double, double> within(const Box& box, const Vec3& start, const Vec3& 
 }
 
 /// What a scene draws: the cell of a part, or all points.
-Box cell_of(const Scene& scene) {
+Parallelepiped cell_of(const Scene& scene) {
     constexpr double far = std::numeric_limits<double>::infinity();
-    return scene.part ? scene.part->cell : Box{Vec3(-far), Vec3(far)};
+    return scene.part ? scene.part->cell : Parallelepiped(Box{Vec3(-far), Vec3(far)});
 }
 
 } // namespace
@@ -104,8 +106,8 @@ bool LightAtPoints::inside_end(std::size_t group, const Vec3& world) const {
     if (!scene_.counted || scene_.counted->ends.empty()) {
         return true;
     }
-    const std::optional<Box>& end = scene_.counted->ends[group];
-    return !end || glm::clamp(world, end->lower, end->upper) == world;
+    const std::optional<Parallelepiped>& end = scene_.counted->ends[group];
+    return !end || end->holds(world);
 }
 
 bool LightAtPoints::on_one_side(const Vec3& front, const Vec3& back) const {
@@ -183,7 +185,8 @@ double LightAtPoints::open_here(std::size_t direction, const Vec3& world) const 
 }
 
 bool LightAtPoints::holds(const Vec3& world) const {
-    return glm::all(glm::lessThanEqual(cell_.lower, world)) && glm::all(glm::lessThan(world, cell_.upper));
+    const Vec3 at = cell_.to_box * world;
+    return glm::all(glm::lessThanEqual(cell_.box.lower, at)) && glm::all(glm::lessThan(at, cell_.box.upper));
 }
 
 PointValues::Value LightAtPoints::value_at(std::size_t group, const Vec3& world) const {
@@ -243,8 +246,9 @@ double LightAtPoints::absorbed_along(const Vec3& world, const Vec3& direction, c
 
 // What the points of a line in the cell leave of light in mode composite, by the definition.
 double LightAtPoints::left_along(const Vec3& world, const Vec3& direction, double steps) const {
-    const auto [from, to] =
-        within({glm::max(box_.lower, cell_.lower), glm::min(box_.upper, cell_.upper)}, world, direction);
+    const auto [from_cell, to_cell] = within(cell_, world, direction);
+    const auto [from_all, to_all] = within(box_, world, direction);
+    const double from = std::max(from_cell, from_all), to = std::min(to_cell, to_all);
     const double last = std::min(steps, std::floor(to / frame_.slice_spacing) + 1.0);
     const Vec3 step = frame_.slice_spacing * direction;
     const ClearLine line = clear_line(world, step);

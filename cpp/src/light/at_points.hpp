@@ -98,7 +98,7 @@ class LightAtPoints {
     bool surfaces_;
     std::vector<Group> groups_;
     reference::Clipping clipping_;
-    Box cell_; ///< of the part: lower <= x < upper
+    Parallelepiped cell_; ///< of the part: lower <= x < upper
     Box box_;
     double lengths_;
     double together_; ///< steps of a line to a light through a volume that are taken together

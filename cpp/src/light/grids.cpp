@@ -10,6 +10,7 @@
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <glm/vector_relational.hpp>
 
 #include "light/surface_lines.hpp"
 #include "plan/limits_common.hpp"
@@ -31,8 +32,7 @@ double least_semi_axis(const Field& field) {
     if (ellipsoids != nullptr) {
         return ellipsoids->scale_range()[0];
     }
-    const Vec3 axes = as_regular(&field)->semi_axes_world();
-    return std::min({axes.x, axes.y, axes.z});
+    return as_regular(&field)->kernel_axes().least();
 }
 
 /// Of the range of a group's values: where less is opaque in one piece, what shows is thinner than kernels are, sheets
@@ -181,7 +181,7 @@ LightGrid grid_around(const Box& supports, const LitView& view, double wanted, d
     }
     const Camera camera = camera_along_z(middle, grid.step * grid.size.height);
     constexpr double everywhere = std::numeric_limits<double>::infinity();
-    Part whole{{Vec3(-everywhere), Vec3(everywhere)}, scene.centres_world(), {}};
+    Part whole{Box{Vec3(-everywhere), Vec3(everywhere)}, scene.centres_world(), {}};
     whole.depths = {middle.z - supports.upper.z - longer, middle.z - supports.lower.z + longer};
     scene.reference_length = scene.reference_distance();
     scene.slice_spacing = grid.spacing;
@@ -221,6 +221,24 @@ LightCut cut_of(const LightGrid& grid, const Box& cell) {
         cut.lower = z1 < last ? grid.first.z - (z1 - 0.5) * grid.spacing : cut.lower;
     }
     return cut;
+}
+
+/// Sets to 0 what of a cut's values, one a slice, lies outside of a cell.
+void keep_elements(const LightGrid& grid, const LightCut& cut, const Parallelepiped& cell, std::vector<float>& values) {
+    float* value = values.data();
+    for (std::int64_t z = 0; z < cut.slices; ++z) {
+        for (int y = 0; y < cut.size.height; ++y) {
+            for (int x = 0; x < cut.size.width; ++x, ++value) {
+                const Vec3 at =
+                    cell.to_box * Vec3(grid.first.x + grid.step * (cut.first[0] + x),
+                                       grid.first.y - grid.step * (cut.first[1] + y),
+                                       grid.first.z - grid.spacing * static_cast<double>(cut.first_slice + z));
+                const bool held =
+                    glm::all(glm::lessThanEqual(cell.box.lower, at)) && glm::all(glm::lessThan(at, cell.box.upper));
+                *value = held ? *value : 0.0F;
+            }
+        }
+    }
 }
 
 LightCut all_of(const LightGrid& grid) {
@@ -326,7 +344,9 @@ std::vector<LightPiece> pieces_of(const LightPlan& light, const Scene& part, con
     const std::vector<Group> groups = part.groups();
     for (std::size_t number = 0; number < light.grids.size(); ++number) {
         const LightGrid& grid = light.grids[number];
-        const LightCut cut = cut_of(grid, part.part->cell);
+        // What a leaning cell holds is cut by the cell itself: the fill draws no other points of it.
+        const Parallelepiped& cell = part.part->cell;
+        const LightCut cut = cut_of(grid, cell.upright() ? cell.box : supports_world(part));
         if (cut.empty()) {
             continue;
         }
@@ -336,6 +356,9 @@ std::vector<LightPiece> pieces_of(const LightPlan& light, const Scene& part, con
         piece.counts = {cut.size.width, cut.size.height, static_cast<int>(cut.planes(grid))};
         piece.values.assign(cut.elements(grid), 0.0F);
         fill(grid, cut, light.surfaces ? &groups[number] : nullptr, piece.values.data());
+        if (light.surfaces && !cell.upright()) {
+            keep_elements(grid, cut, cell, piece.values);
+        }
         if (std::any_of(piece.values.begin(), piece.values.end(), [](float value) { return value != 0.0F; })) {
             pieces.push_back(std::move(piece));
         }

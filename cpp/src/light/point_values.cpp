@@ -9,6 +9,7 @@
 
 #include <glm/common.hpp>
 
+#include "field/lattice_frame.hpp"
 #include "reference/kernels.hpp"
 #include "reference/points.hpp"
 #include "reference/screen.hpp"
@@ -30,8 +31,7 @@ class LatticeValues final : public PointValues {
   public:
     explicit LatticeValues(std::shared_ptr<const Field> field)
         : PointValues(field->least_weight()), field_(std::move(field)), samples_(*as_regular(field_.get())),
-          normaliser_(*field_, 1.0), semi_axes_(samples_.semi_axes_world()), origin_(samples_.options().origin),
-          step_(step_of(samples_)), bcc_(samples_.lattice() == Lattice::bcc) {
+          normaliser_(*field_, 1.0), frame_(samples_), bcc_(samples_.lattice() == Lattice::bcc) {
         for (int axis = 0; axis < 3; ++axis) {
             const double apart = step_[axis] / semi_axes_[axis];
             ratios_[axis] = std::exp(-2.0 * samples_.kernel().falloff * apart * apart);
@@ -40,13 +40,14 @@ class LatticeValues final : public PointValues {
 
     /// Whether its kernels are small enough.
     static bool serves(const RegularField& field) {
-        const Vec3 along = 2.0 * field.semi_axes_world() / step_of(field) + 4.0;
+        const LatticeFrame frame(field);
+        const Vec3 along = 2.0 * frame.semi_axes / frame.step + 4.0;
         return std::max({along.x, along.y, along.z}) <= static_cast<double>(most_along);
     }
 
   private:
     [[nodiscard]] reference::Sums sums_at(const Vec3& world) const override {
-        const Vec3 from = world - origin_;
+        const Vec3 from = frame_.place(world);
         const auto [nk, nj, ni] = samples_.shape();
         const Along layers = along(from.z, 2, nk);
         // Of even layers, and of the shifted odd ones of BCC.
@@ -62,7 +63,7 @@ class LatticeValues final : public PointValues {
     /// Of the kernels that the box around each layer's part of the line meets.
     [[nodiscard]] reference::Sums mean_sums(const Vec3& from, const Vec3& to) const override {
         const auto [nk, nj, ni] = samples_.shape();
-        const Vec3 start = from - origin_, way = to - from;
+        const Vec3 start = frame_.place(from), way = frame_.oblique ? frame_.to_lattice * (to - from) : to - from;
         const Vec3 start_unit = start / semi_axes_, way_unit = way / semi_axes_;
         reference::Sums mean;
         const Range layers = reached(std::min(start.z, start.z + way.z), std::max(start.z, start.z + way.z), 2, nk);
@@ -114,12 +115,6 @@ class LatticeValues final : public PointValues {
         const auto sample = [&](double place) { return std::clamp(place, 0.0, most); };
         return {static_cast<std::size_t>(sample(std::ceil((lower - reach) / step_[axis] - beside))),
                 static_cast<std::size_t>(sample(std::floor((upper + reach) / step_[axis] + beside) + 1.0))};
-    }
-
-    /// Between samples of a row, rows of a layer, and layers.
-    static Vec3 step_of(const RegularField& field) {
-        const Vec3& spacing = field.options().spacing;
-        return field.lattice() == Lattice::bcc ? Vec3(spacing.x, spacing.x, 0.5 * spacing.x) : spacing;
     }
 
     template <class Values>
@@ -182,7 +177,8 @@ class LatticeValues final : public PointValues {
     const RegularField& samples_;
     reference::Normaliser normaliser_;
     reference::Profile profile_{samples_.kernel().falloff};
-    Vec3 semi_axes_, per_axis_{1.0 / semi_axes_}, origin_, step_;
+    LatticeFrame frame_;
+    Vec3 semi_axes_{frame_.semi_axes}, per_axis_{1.0 / semi_axes_}, step_{frame_.step};
     Vec3 ratios_{1.0}; ///< of the ratios of neighbouring Gaussians along an axis
     double counted_from_ = samples_.counted_from();
     double edge_ = samples_.kernel().edge(), gain_ = samples_.kernel().gain();

@@ -94,11 +94,9 @@ SceneShows shown_of(const Scene& scene, const ViewFacts& view) {
     return shows;
 }
 
-bool lattices_end(const Scene& scene) {
-    return std::any_of(scene.fields.begin(), scene.fields.end(), [](const std::shared_ptr<const Field>& field) {
-        const RegularField* lattice = as_regular(field.get());
-        return lattice != nullptr && lattice->domain_world();
-    });
+bool fields_end(const Scene& scene) {
+    return std::any_of(scene.fields.begin(), scene.fields.end(),
+                       [](const std::shared_ptr<const Field>& field) { return field->domain().has_value(); });
 }
 
 void state_fields(const Scene& scene, Effects& effects) {
@@ -129,8 +127,8 @@ void state_fields(const Scene& scene, Effects& effects) {
                   scene.part ? "the part belongs to a volume that ends at its boundary"
                   : end      ? scene.counted->reason
                              : "",
-                  lattices_end(scene) ? "nothing shows at the volumes' boundary: what lies beyond makes no difference"
-                                      : "no volume ends: their fields fall to their bases");
+                  fields_end(scene) ? "nothing shows at the volumes' boundary: what lies beyond makes no difference"
+                                    : "no volume ends: their fields fall to their bases");
     effects.state(EffectId::own_transfer_functions, apart,
                   text_of_count(scene.later_groups.size() + 1) + " transfer functions",
                   scene.later_groups.empty() ? "one transfer function classifies all fields"
@@ -430,7 +428,7 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     plan.general = effects.decide(
         EffectId::general_sections, lattices && (view.shapes.sheared || projection == Projection::perspective),
         !lattices             ? "no lattice is drawn, and every ellipsoid has sections of its own"
-        : view.shapes.sheared ? "cross-sections lean: unequal sample spacing, seen at an angle"
+        : view.shapes.sheared ? "cross-sections lean: unequal sample spacing or oblique axes, seen at an angle"
         : projection == Projection::perspective
             ? "cross-sections scale from slab to slab"
             : "all sections of a lattice's kernel have the same place on the screen",

@@ -93,11 +93,10 @@ SecondsOfExtremes seconds_of_extremes(const RegularField& field, const ViewFacts
     const ExtremeFacts& extremes = *view.extremes;
     const double radius = field.options().radius;
     const double window = 2.0 * std::max(2.0, std::ceil(radius));
-    const Vec3 spacing = field.options().spacing;
-    const double kernels = extremes.drawn * view.frame.smallest_pixel * view.frame.largest_pixel *
-                           view.frame.slice_spacing / (spacing.x * spacing.y * spacing.z);
-    const double sections =
-        1.0 + 2.0 * radius * std::cbrt(spacing.x * spacing.y * spacing.z) / view.frame.slice_spacing;
+    const double cell = field.step_volume();
+    const double kernels =
+        extremes.drawn * view.frame.smallest_pixel * view.frame.largest_pixel * view.frame.slice_spacing / cell;
+    const double sections = 1.0 + 2.0 * radius * std::cbrt(cell) / view.frame.slice_spacing;
     const double overlaps = extremes.drawn * 4.0 / 3.0 * 3.14159265358979323846 * radius * radius * radius;
     return {extremes.asked * asked_seconds +
                 extremes.left * (looked_up_seconds + looked_up_sample_seconds * window * window * window),

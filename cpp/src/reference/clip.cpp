@@ -36,18 +36,19 @@ bool Clipping::keeps(const Vec3& point_eye) const {
 }
 
 Cell::Cell(const Scene& scene, const Camera& camera)
-    : right_(camera.right_world()), up_(camera.up_world()), back_(camera.back_world()),
-      lower_(-std::numeric_limits<double>::infinity()), upper_(std::numeric_limits<double>::infinity()) {
+    : lower_(-std::numeric_limits<double>::infinity()), upper_(std::numeric_limits<double>::infinity()) {
     if (scene.part) {
-        lower_ = scene.part->cell.lower - camera.eye();
-        upper_ = scene.part->cell.upper - camera.eye();
+        const Parallelepiped& cell = scene.part->cell;
+        to_box_ = cell.to_box * Mat3(camera.right_world(), camera.up_world(), camera.back_world());
+        lower_ = cell.box.lower - cell.to_box * camera.eye();
+        upper_ = cell.box.upper - cell.to_box * camera.eye();
     }
 }
 
 bool Cell::holds(const Vec3& point_eye) const {
+    const Vec3 place = to_box_ * point_eye;
     for (int axis = 0; axis < 3; ++axis) {
-        const double place = right_[axis] * point_eye.x + up_[axis] * point_eye.y + back_[axis] * point_eye.z;
-        if (!(place >= lower_[axis] && place < upper_[axis])) {
+        if (!(place[axis] >= lower_[axis] && place[axis] < upper_[axis])) {
             return false;
         }
     }

@@ -12,11 +12,6 @@ namespace sheetsplat::reference {
 
 namespace {
 
-std::optional<Box> domain_of(const Field& field) {
-    const RegularField* lattice = as_regular(&field);
-    return lattice != nullptr ? lattice->domain_world() : std::nullopt;
-}
-
 TransferFunction counted_from(double base, const TransferFunction& function) {
     std::vector<TransferPoint> points = function.points();
     for (TransferPoint& point : points) {
@@ -33,14 +28,16 @@ CountedScene::CountedScene(const Scene& scene) : scene_(scene) {
         const Group& group = groups[number];
         bool differ = false;
         for (std::size_t field = group.first; field < group.last; ++field) {
-            differ = differ || domain_of(*scene.fields[field]) != domain_of(*scene.fields[group.first]);
+            differ = differ || scene.fields[field]->domain() != scene.fields[group.first]->domain();
         }
         double base = 0.0;
         for (std::size_t field = group.first; field < group.last; ++field) {
             std::shared_ptr<const Field>& drawn = scene_.fields[field];
             const RegularField* lattice = as_regular(drawn.get());
-            if (differ && lattice != nullptr && (lattice->domain_world() || lattice->base() != 0.0)) {
+            if (differ && lattice != nullptr && (lattice->domain() || lattice->base() != 0.0)) {
                 drawn = lattice->without_end();
+            } else if (differ && lattice == nullptr && drawn->domain()) {
+                drawn = as_ellipsoids(drawn.get())->without_end();
             }
             base += drawn->base();
         }
@@ -53,7 +50,7 @@ CountedScene::CountedScene(const Scene& scene) : scene_(scene) {
         }
     }
     for (const std::shared_ptr<const Field>& field : scene_.fields) {
-        ends_.push_back({{}, domain_of(*field)});
+        ends_.push_back({{}, field->domain()});
         if (scene.part && scene.part->domain) {
             ends_.back().planes = Clip{{}, scene.part->domain}.half_spaces();
         }

@@ -267,7 +267,6 @@ WorldKernels::WorldKernels(const Field& field) : regular_(as_regular(&field)), e
         numbers_ = ellipsoids_->size();
         return;
     }
-    semi_axes_ = regular_->semi_axes_world();
     bcc_ = regular_->lattice() == Lattice::bcc;
     const double radius = regular_->options().radius;
     reach_squared_ = bcc_ ? 2.0 * radius * radius : radius * radius;
@@ -287,14 +286,15 @@ WorldKernels::Axis WorldKernels::axis_of(int axis) const {
     Axis found;
     found.count = samples;
     found.last_layer = halves ? 2 * samples - 1 : samples - 1;
-    if (!regular_->domain_world()) {
+    if (!regular_->domain()) {
         return found;
     }
     if (regular_->options().domain) {
-        const double apart = bcc_ ? 0.5 * regular_->options().spacing.x : regular_->options().spacing[axis];
-        const double origin = regular_->options().origin[axis];
-        found.domain[0] = (regular_->domain_world()->lower[axis] - origin) / apart;
-        found.domain[1] = (regular_->domain_world()->upper[axis] - origin) / apart;
+        const Parallelepiped& domain = *regular_->options().domain;
+        const double apart = (domain.to_box * regular_->steps()[axis])[axis] * (halves ? 0.5 : 1.0);
+        const double origin = (domain.to_box * regular_->options().origin)[axis];
+        found.domain[0] = (domain.box.lower[axis] - origin) / apart;
+        found.domain[1] = (domain.box.upper[axis] - origin) / apart;
     } else {
         // Half a layer beyond the first and the last one: of BCC, a / 4 beyond the box of all centres.
         found.domain[0] = -0.5;
@@ -319,17 +319,16 @@ std::optional<WorldKernel> WorldKernels::sample(std::uint64_t number) const {
     }
     // Mirrors keep the parity of layers.
     const std::int64_t odd = bcc_ ? ((index[2] % 2) + 2) % 2 : 0;
-    const Vec3 apart = bcc_ ? Vec3(0.5 * regular_->options().spacing.x) : regular_->options().spacing;
     std::array<std::size_t, 3> source{};
-    Vec3 centre, outside(0.0);
+    Vec3 centre = regular_->options().origin, outside(0.0);
     for (int axis = 0; axis < 3; ++axis) {
         const auto own = static_cast<std::size_t>(axis);
         const bool halves = bcc_ && axis < 2;
         const std::int64_t layer = halves ? 2 * index[own] + odd : index[own];
         const std::int64_t given = mirrored(layer, axes_[own].last_layer);
         source[own] = static_cast<std::size_t>(halves ? given / 2 : given);
-        centre[axis] = regular_->options().origin[axis] + static_cast<double>(layer) * apart[axis];
-        if (regular_->domain_world()) {
+        centre += static_cast<double>(layer) * (halves ? 0.5 : 1.0) * regular_->steps()[axis];
+        if (regular_->domain()) {
             outside[axis] = axes_[own].outside(static_cast<double>(layer));
         }
     }
@@ -337,12 +336,12 @@ std::optional<WorldKernel> WorldKernels::sample(std::uint64_t number) const {
     // own, rows say which of them are kernels.)
     const SampleRange row = regular_->kernels_of_row(source[1], source[2]);
     const bool reaches = source[0] >= row.begin && source[0] < row.end &&
-                         (!regular_->domain_world() || glm::dot(outside, outside) < reach_squared_);
+                         (!regular_->domain() || glm::dot(outside, outside) < reach_squared_);
     const double value = reaches ? regular_->value(source[0], source[1], source[2]) : 0.0;
     if (!reaches || std::isnan(value)) {
         return std::nullopt;
     }
-    return WorldKernel{centre, Mat3(1.0), semi_axes_, value, 1.0};
+    return WorldKernel{centre, regular_->kernel_axes().directions, regular_->kernel_axes().lengths, value, 1.0};
 }
 
 std::optional<WorldKernel> WorldKernels::at(std::uint64_t number) const {
@@ -368,7 +367,8 @@ EyeKernels::EyeKernels(const Field& field, const Scene& scene, const Camera& cam
       radius_factor_(radius_factor) {
     // In perspective a pixel's width, and with it the filter, changes from kernel to kernel.
     if (const auto* regular = as_regular(&field); regular != nullptr && !(filter_ && screen.perspective())) {
-        common_shape_ = shape_of({Vec3(0.0), Mat3(1.0), regular->semi_axes_world(), 0.0, 1.0}, 0.0);
+        const KernelAxes& axes = regular->kernel_axes();
+        common_shape_ = shape_of({Vec3(0.0), axes.directions, axes.lengths, 0.0, 1.0}, 0.0);
     }
 }
 

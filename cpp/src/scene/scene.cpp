@@ -6,6 +6,7 @@
 #include <utility>
 
 #include <glm/common.hpp>
+#include <glm/gtc/matrix_access.hpp>
 
 #include "base/checks.hpp"
 #include "base/unusable.hpp"
@@ -93,7 +94,7 @@ void check_clip(const Clip& clip) {
                 "a finite number");
     }
     if (clip.box) {
-        const Box& box = *clip.box;
+        const Box& box = clip.box->box;
         const bool right = is_finite(box.lower) && is_finite(box.upper) && box.lower.x <= box.upper.x &&
                            box.lower.y <= box.upper.y && box.lower.z <= box.upper.z;
         require(right, cannot_use("clip"), "a box from " + text_of(box.lower) + " to " + text_of(box.upper),
@@ -122,8 +123,8 @@ void check_part(const Part& part) {
     const auto right = [](const Box& box) {
         return box.lower.x < box.upper.x && box.lower.y < box.upper.y && box.lower.z < box.upper.z;
     };
-    require(right(part.cell), "a part cannot be drawn",
-            "a cell from " + text_of(part.cell.lower) + " to " + text_of(part.cell.upper),
+    require(right(part.cell.box), "a part cannot be drawn",
+            "a cell from " + text_of(part.cell.box.lower) + " to " + text_of(part.cell.box.upper),
             "two corners, the lower one first");
     require(is_finite(part.centres.lower) && is_finite(part.centres.upper) && !part.centres.empty(),
             "a part cannot be drawn",
@@ -190,10 +191,13 @@ std::vector<Clip::Plane> Clip::half_spaces() const {
     std::vector<Plane> all = planes;
     if (box) {
         for (int axis = 0; axis < 3; ++axis) {
-            Vec3 normal(0.0);
-            normal[axis] = 1.0;
-            all.push_back({normal, box->lower[axis]});
-            all.push_back({-normal, -box->upper[axis]});
+            const Vec3 normal = glm::row(box->to_box, axis);
+            for (const Plane& face : {Plane{normal, box->box.lower[axis]}, Plane{-normal, -box->box.upper[axis]}}) {
+                // A face at infinity cuts nothing.
+                if (is_finite(face.offset)) {
+                    all.push_back(face);
+                }
+            }
         }
     }
     return all;
@@ -305,7 +309,7 @@ double Scene::default_slice_spacing() const {
 
 bool Part::cuts() const {
     const double infinity = std::numeric_limits<double>::infinity();
-    return cell.lower != Vec3(-infinity) || cell.upper != Vec3(infinity);
+    return cell.box.lower != Vec3(-infinity) || cell.box.upper != Vec3(infinity);
 }
 
 Box Scene::centres_world() const {

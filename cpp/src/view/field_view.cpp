@@ -31,7 +31,7 @@ FieldView make_field_view(const RegularField& field, const Camera& camera, const
             filter_width(frame, field.kernel(),
                          frame.depth_of(std::max<std::int64_t>(frame.slices, 1) - 1) +
                              std::hypot(glm::length(rows.z), filter_width(frame, field.kernel(), 0.0).along));
-        const WidenedShape shape = widened(rows, field.semi_axes_world(), width);
+        const WidenedShape shape = widened(rows, field.kernel_axes().lengths, width);
         static_cast<LatticeSection&>(view) = section_of(shape.rows);
         amplitude = shape.amplitude;
         if (frame.projection == Projection::perspective) {
@@ -40,14 +40,12 @@ FieldView make_field_view(const RegularField& field, const Camera& camera, const
         }
     }
     view.field = &field;
-    const Vec3 spacing = field.options().spacing;
     view.slab_half = sampling == Sampling::slab ? 0.5 * frame.slice_spacing : 0.0;
     view.first_eye = camera.to_eye(field.options().origin);
     const bool bcc = field.lattice() == Lattice::bcc;
-    const Vec3 world_step = bcc ? Vec3(spacing.x, spacing.x, 0.5 * spacing.x) : spacing;
-    view.step_i = camera.direction_to_eye(Vec3(world_step.x, 0.0, 0.0));
-    view.step_j = camera.direction_to_eye(Vec3(0.0, world_step.y, 0.0));
-    view.step_k = camera.direction_to_eye(Vec3(0.0, 0.0, world_step.z));
+    view.step_i = camera.direction_to_eye(field.steps()[0]);
+    view.step_j = camera.direction_to_eye(field.steps()[1]);
+    view.step_k = camera.direction_to_eye(field.steps()[2]);
     if (bcc) {
         view.odd_layer = 0.5 * (view.step_i + view.step_j);
     }

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include <glm/geometric.hpp>
+#include <glm/gtc/matrix_access.hpp>
 
 #include "scene/mode_rules.hpp"
 
@@ -90,13 +91,14 @@ OwnedSlices::OwnedSlices(const Part& part, const Camera& camera, const Frame& fr
     : axis_x_(frame.axis_x), axis_y_(frame.axis_y), pixel_(frame.pixel), slices_(static_cast<double>(frame.slices)) {
     const double spacing = frame.slice_spacing, depth = frame.first_depth;
     for (int axis = 0; axis < 3; ++axis) {
-        const double lower = part.cell.lower[axis] - camera.eye()[axis];
-        const double upper = part.cell.upper[axis] - camera.eye()[axis];
+        const Vec3 row = glm::row(part.cell.to_box, axis);
+        const double at_eye = glm::dot(row, camera.eye());
+        const double lower = part.cell.box.lower[axis] - at_eye, upper = part.cell.box.upper[axis] - at_eye;
         if (std::isinf(lower) && std::isinf(upper)) {
             continue;
         }
-        const double across = camera.right_world()[axis], up = camera.up_world()[axis];
-        const double back = camera.back_world()[axis];
+        const double across = glm::dot(row, camera.right_world()), up = glm::dot(row, camera.up_world());
+        const double back = glm::dot(row, camera.back_world());
         if (frame.projection == Projection::perspective) {
             axes_.push_back({{-depth * back, depth * across, depth * up},
                              {-spacing * back, spacing * across, spacing * up},

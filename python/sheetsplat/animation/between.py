@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import api
-from sheetsplat._checks import instance, number, numbers, optional_number
+from sheetsplat._checks import instance, number, numbers
 from sheetsplat.animation.sources import FileStep, MemoryStep, SharedLook
 from sheetsplat.errors import complain, unusable
 from sheetsplat.fields import EllipsoidField
@@ -26,6 +26,8 @@ Floats = NDArray[np.float64]
 class Snapshot:
     """Particles at a time, with their numbers and velocities: what frames between two of them are made of.
 
+    Where the field has a periodic box, particles go through its nearer side.
+
     Parameters
     ----------
     field
@@ -36,8 +38,6 @@ class Snapshot:
         (N, 3), world units in a unit of time.
     time
         When it is, in that unit.
-    box
-        Edge of a periodic box that begins at 0, world units; None: none.
 
     Raises
     ------
@@ -58,7 +58,6 @@ class Snapshot:
     ids: ArrayLike
     velocities: ArrayLike
     time: float
-    box: float | None = None
 
     def __post_init__(self) -> None:
         """Check and convert."""
@@ -74,10 +73,10 @@ class Snapshot:
         if velocities.shape != (count, 3) or not np.isfinite(velocities).all():
             found = f"an array of shape {velocities.shape}"
             raise complain(unusable("Snapshot: velocities"), found, f"({count}, 3) finite numbers")
-        time, box = number("Snapshot: time", self.time), optional_number("Snapshot: box", self.box)
+        time = number("Snapshot: time", self.time)
         if not np.isfinite(time):
             raise complain(unusable("Snapshot: time"), f"{time:g}", "a finite number")
-        known = {"ids": ids, "velocities": velocities, "time": time, "box": box}
+        known = {"ids": ids, "velocities": velocities, "time": time}
         for name, value in known.items():
             object.__setattr__(self, name, value)
 
@@ -97,11 +96,7 @@ class Snapshot:
         motion = read_motion(Path(path), options.get("particles"))
         opened = api.Opened.of(Path(path), options).fields[0]
         assert isinstance(opened, EllipsoidField)
-        box = motion.box
-        if box is not None and not ((opened.centers >= 0.0) & (opened.centers <= box)).all():
-            # The box of a run that is not periodic.
-            box = None
-        return cls(opened, motion.ids, motion.velocities, motion.time, box)
+        return cls(opened, motion.ids, motion.velocities, motion.time)
 
     def towards(self, other: Snapshot, share: float) -> EllipsoidField:
         """Return the particles between this snapshot, at the share 0, and another one, at 1.
@@ -138,7 +133,7 @@ class Snapshot:
         weight = np.concatenate((both, (1.0 - share) * weights[0][gone], share * weights[1][new]))
         options: Any = {name: getattr(first, name) for name in _SAME}
         made = EllipsoidField(
-            centers if self.box is None else np.mod(centers, self.box),
+            centers,
             np.concatenate((scales, first.scales[gone], second.scales[new])),
             values=np.concatenate((values, first.values[gone], second.values[new])),
             weights=weight,
@@ -163,9 +158,10 @@ class Snapshot:
         """Return positions on Hermite's cubics."""
         start = self.field.centers[mine]
         way = other.field.centers[its] - start
-        if self.box is not None:
+        if self.field.periodic is not None:
             # Through the nearer side of the box.
-            way -= self.box * np.round(way / self.box)
+            side = np.subtract(self.field.periodic[1], self.field.periodic[0])
+            way -= side * np.round(np.divide(way, side, out=np.zeros_like(way), where=side > 0.0))
         span = other.time - self.time
         v0, v1 = span * np.asarray(self.velocities)[mine], span * np.asarray(other.velocities)[its]
         s, t = share, 1.0 - share
@@ -173,7 +169,7 @@ class Snapshot:
         return made
 
 
-_SAME = ("normalization", "w0", "falloff", "cell_volume", "base")
+_SAME = ("normalization", "w0", "falloff", "cell_volume", "base", "periodic")
 
 
 def _between(first: Floats, second: Floats, share: float) -> Floats:

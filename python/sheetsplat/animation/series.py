@@ -66,7 +66,7 @@ def _numbers(count: int) -> list[int]:
 def _alike(fields: Sequence[Field]) -> list[RegularField] | None:
     """Return volumes on one lattice, None where there is anything else."""
     volumes = [one for one in fields if isinstance(one, RegularField)]
-    places = {(one.shape, one.spacing, one.origin, one.lattice) for one in volumes}
+    places = {(one.shape, one.spacing, one.axes, one.origin, one.lattice) for one in volumes}
     return volumes if len(volumes) == len(fields) and len(places) == 1 else None
 
 

@@ -24,10 +24,11 @@ from sheetsplat.fields import EllipsoidField
 from sheetsplat.io.formats import PARQUET
 from sheetsplat.io.records import Scattered
 from sheetsplat.io.source import Source
+from sheetsplat.notices import muted
 
 #: Options that say what of a table is read, and which kernels it becomes.
 READING = ("scalar", "particles", "support")
-KERNELS = ("normalization", "w0", "falloff", "min_scale", "base")
+KERNELS = ("normalization", "w0", "falloff", "min_scale", "base", "periodic", "nan")
 # Rows of a piece, at most; of Parquet a piece is a row group.
 _ROWS = 1 << 20
 # Weights that are all 0 in a piece need not be so in all.
@@ -51,6 +52,8 @@ class Pieces:
         Returns the kernels of a piece, by its number.
     in_memory
         Whether they are here already.
+    skips
+        Whether rows whose numbers are not finite are left out, so that a piece may have fewer kernels than rows.
     """
 
     name: str
@@ -58,10 +61,13 @@ class Pieces:
     counts: tuple[int, ...]
     read: Callable[[int], EllipsoidField]
     in_memory: bool = False
+    skips: bool = False
 
 
-def _some(name: str, token: str, counts: Iterable[int], read: Callable[[int], EllipsoidField]) -> Pieces:
-    made = Pieces(name, token, tuple(counts), read)
+def _some(
+    name: str, token: str, counts: Iterable[int], read: Callable[[int], EllipsoidField], kernels: Mapping[str, Any]
+) -> Pieces:
+    made = Pieces(name, token, tuple(counts), read, skips=kernels.get("nan") == "skip")
     if not sum(made.counts):
         raise refused(name, "no rows", "at least one")
     return made
@@ -79,12 +85,14 @@ def _in_memory(field: EllipsoidField, name: str = "the kernels") -> Pieces:
     return Pieces(name, digest.hexdigest(), counts, lambda number: field.part(np.arange(*spans[number])), True)
 
 
-def _of_files(stamps: Sequence[Stamp], spans: Sequence[tuple[int, int, int]], read: Any, *given: Any) -> Pieces:
+def _of_files(
+    stamps: Sequence[Stamp], spans: Sequence[tuple[int, int, int]], read: Any, reading: Any, kernels: Mapping[str, Any]
+) -> Pieces:
     """Return pieces of files: the number of a file, its first row, or row group, and how many rows."""
     more = f" and {len(stamps) - 1} more" if len(stamps) > 1 else ""
-    made = partial(read, tuple(stamps), tuple(spans), *given)
+    made = partial(read, tuple(stamps), tuple(spans), reading, kernels)
     counts = (rows for _, _, rows in spans)
-    return _some(f"{stamps[0].path}{more}", repr((stamps, spans, given)), counts, made)
+    return _some(f"{stamps[0].path}{more}", repr((stamps, spans, reading, kernels)), counts, made, kernels)
 
 
 def _read_particles(
@@ -147,9 +155,14 @@ def _field(record: Scattered, kernels: Mapping[str, Any], where: str) -> Ellipso
             "smoothing lengths, a column radius, or sx, sy, sz",
             "open it with sheetsplat.open",
         )
+    with muted():
+        # The whole table is counted once, and not each piece, which is read twice.
+        record = record.usable(where, kernels.get("nan", "error"))
+    if not len(record.points):
+        raise refused(where, "no row whose numbers are finite", "at least one")
     if record.weights is not None and (record.weights == 0).all():
         record = replace(record, weights=np.full_like(record.weights, _LEAST_WEIGHT))
-    field = field_of(record, **kernels)
+    field = field_of(record, **{name: one for name, one in kernels.items() if name != "nan"})
     return field.with_quantity(name=printable(record.scalar), unit=record.unit, length_unit=record.length_unit)
 
 
@@ -231,16 +244,19 @@ def _of_hdf5(files: Sequence[str], options: Mapping[str, Any]) -> Pieces:
 
     kernels = _reading(files[0], options, READING)
     reading = {name: options[name] for name in READING if name in options}
-    stamps, spans = [], []
+    stamps, spans, boxes = [], [], []
     for number, name in enumerate(files):
         with Source(Path(name), "") as source:
             check_plain(source, name)
-            count, support = sph_hdf5.locate(source, options.get("particles"), reading.get("support"))
+            count, support, box = sph_hdf5.locate(source, options.get("particles"), reading.get("support"))
+        boxes.append(box)
         if support is not None:
             # One for all files of a snapshot.
             reading["support"] = support
         stamps.append(Stamp.of(Path(name)))
         spans += [(number, first, min(_ROWS, count - first)) for first in range(0, count, _ROWS)]
+    if "periodic" not in kernels and len(set(boxes)) == 1 and boxes[0] is not None:
+        kernels["periodic"] = boxes[0]
     return _of_files(stamps, spans, _read_particles, reading, kernels)
 
 
@@ -277,7 +293,9 @@ def _of_frame(data: Any, options: Mapping[str, Any], client: Any) -> Pieces:
         token = repr((tokenize(data), scalar, kernels))
     # Of filtered tables some partitions are empty.
     filled = {number: int(count) for number, count in enumerate(counts) if count}
-    return _some(_FRAME, token, filled.values(), partial(_read_partition, data, tuple(filled), scalar, kernels))
+    return _some(
+        _FRAME, token, filled.values(), partial(_read_partition, data, tuple(filled), scalar, kernels), kernels
+    )
 
 
 __all__ = ["KERNELS", "READING", "Pieces", "pieces_of"]

@@ -88,7 +88,7 @@ def sort_piece(shared: tuple[Partition, int, Store], pieces: Pieces, number: int
     `shared`: the bricks, how many rows a segment has at most, and where the piece is kept.
     """
     partition, rows, store = shared
-    table = table_of(pieces.read(number))
+    table = table_of(pieces.read(number).with_images())
     bricks = partition.brick_of(table["center"])
     order = np.lexsort((_curve(table["center"]), bricks))
     table, bricks = table[order], bricks[order]

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from sheetsplat._checks import Bounds, Triple
 from sheetsplat.errors import complain
-from sheetsplat.fields import BrickedField, Normalization, RegularField, ending
+from sheetsplat.fields import BrickedField, NanPolicy, Normalization, RegularField, ending
 from sheetsplat.fields.ending import DOMAIN, lattice_constant
-from sheetsplat.fields.regular import Boundary, Lattice, NanPolicy
+from sheetsplat.fields.regular import Boundary, Lattice
 from sheetsplat.ripple import lattice_ripple
 
 #: First and last index, the last one outside, along k, j, i.
@@ -63,6 +63,9 @@ class LatticeSpec:
         As for `RegularField`.
     base
         The value that all are offset by.
+    axes
+        As for `RegularField`. Cells and the domain of such a lattice are boxes in its own coordinates, `to_box` times
+        the world's, in which samples are 1 apart; of others in the world.
     has_holes
         Whether samples are missing (NaN).
 
@@ -82,6 +85,7 @@ class LatticeSpec:
     boundary: Boundary = "edge"
     base: float = 0.0
     has_holes: bool = False
+    axes: ending.Axes | None = None
 
     @classmethod
     def of(cls, field: RegularField) -> LatticeSpec:
@@ -91,25 +95,50 @@ class LatticeSpec:
         return cls(**own, has_holes=has_holes)
 
     @property
+    def to_box(self) -> NDArray[np.float64] | None:
+        """What takes world positions to the lattice's own coordinates, (3, 3); None: these are the world's."""
+        return None if self.axes is None else np.linalg.inv(np.transpose(self.axes))
+
+    @property
     def steps(self) -> Triple:
-        """World units from one index to the next along x, y, z; in a layer of a BCC lattice."""
+        """Own units from one index to the next along x, y, z; in a layer of a BCC lattice."""
         if self.lattice == "bcc":
             edge = self.spacing[0]
             return edge, edge, 0.5 * edge
-        return self.spacing
+        return self.spacing if self.axes is None else (1.0, 1.0, 1.0)
+
+    @property
+    def first(self) -> Triple:
+        """Position of sample (0, 0, 0) in the lattice's own coordinates."""
+        if self.to_box is None:
+            return self.origin
+        x, y, z = (self.to_box @ self.origin).tolist()
+        return x, y, z
 
     @property
     def semi_axes(self) -> Triple:
-        """Semi-axes of every kernel's support along x, y, z, world units."""
+        """Semi-axes of every kernel's support along the lattice's axes, own units."""
         if self.lattice == "bcc":
             return (self.radius * self.spacing[0] / math.sqrt(2.0),) * 3
-        x, y, z = (self.radius * step for step in self.spacing)
+        x, y, z = (self.radius * step for step in self.steps)
         return x, y, z
+
+    @property
+    def longest(self) -> float:
+        """The longest semi-axis of a support, world units."""
+        return max(self.semi_axes) if self.axes is None else self.radius * float(np.linalg.norm(self.axes, 2))
+
+    def half_extent(self, direction: NDArray[np.float64]) -> float:
+        """Return how far a support reaches along a direction of unit length from its centre, world units."""
+        own = direction if self.axes is None else np.asarray(self.axes) @ direction
+        return float(np.linalg.norm(np.asarray(self.semi_axes) * own))
 
     @property
     def default_slice_spacing(self) -> float:
         """Distance of slices unless given, world units."""
-        return 0.5 * self.spacing[0] if self.lattice == "bcc" else min(self.spacing)
+        if self.lattice == "bcc":
+            return 0.5 * self.spacing[0]
+        return float(ending.heights(ending.steps(self.lattice, self.spacing, self.axes))[0].min())
 
     @property
     def largest_sum(self) -> float:
@@ -142,7 +171,7 @@ class LatticeSpec:
     @property
     def _layer(self) -> Triple:
         """World units from one layer of samples to the next along x, y, z: half an edge of a BCC lattice."""
-        return ending.layer_spacing(self.lattice, self.spacing)
+        return ending.layer_spacing(self.lattice, self.spacing if self.axes is None else self.steps)
 
     @property
     def _layers(self) -> tuple[int, int, int]:
@@ -174,12 +203,21 @@ class LatticeSpec:
 
     @property
     def domain(self) -> Bounds | None:
-        """Where the volume ends; None: nowhere."""
-        return ending.domain(self.shape, self.lattice, self.boundary, self.spacing, self.origin)
+        """Where the volume ends, a box in its own coordinates; None: nowhere."""
+        spacing = self.spacing if self.axes is None else self.steps
+        return ending.domain(self.shape, self.lattice, self.boundary, spacing, self.first)
 
     def supports(self, centres: Bounds) -> Bounds:
         """Return the box around the supports of all kernels; `centres`: the box of those that are no mirrored ones."""
         lower, upper = [], []
+        if self.axes is not None:
+            zero = np.zeros(3)
+            for direction in np.eye(3):
+                least, most = self.reach_along(centres, zero, direction)
+                half = self.half_extent(direction)
+                lower.append(least - half)
+                upper.append(most + half)
+            return tuple(lower), tuple(upper)  # type: ignore[return-value]
         domain = self.domain
         for axis, (low, high) in enumerate(zip(*centres, strict=True)):
             reach = self.semi_axes[axis]
@@ -199,7 +237,11 @@ class LatticeSpec:
         Exact where no samples are missing; else bounds. `centres`: as for `supports`.
         """
         beyond, layer, last = self._beyond, np.asarray(self._layer), np.asarray(self._layers) - 1
-        first_known, last_known = (np.rint((np.asarray(end) - self.origin) / layer).astype(int) for end in centres)
+        if self.axes is None:
+            first_known, last_known = (np.rint((np.asarray(end) - self.origin) / layer).astype(int) for end in centres)
+            steps = np.diag(layer)
+        else:
+            first_known, last_known, steps = np.zeros(3, int), last, np.asarray(self.axes)
         below = np.where(first_known > beyond, first_known, -beyond)
         above = np.where(last_known < last - beyond, last_known, last + beyond)
         # Beside the outermost layer there are the next ones: a BCC lattice has no sample at some corners.
@@ -207,7 +249,7 @@ class LatticeSpec:
         high_end = np.maximum(below, np.minimum(last_known, last) - 2)
         found = []
         for along in (-direction, direction):
-            is_high = along > 0
+            is_high = steps @ along > 0
             sides = zip(np.where(is_high, high_end, below), np.where(is_high, above, low_end) + 1, strict=True)
             layers = np.stack([one.ravel() for one in np.meshgrid(*(np.arange(*ends) for ends in sides))])
             there = np.ones(layers.shape[1], bool)
@@ -215,38 +257,42 @@ class LatticeSpec:
                 there = _squares_outside(layers, last[:, None]).sum(axis=0) < self._squared_radius
             if self.lattice == "bcc":
                 there &= (layers % 2 == layers[0] % 2).all(axis=0)
-            places = np.asarray(self.origin)[:, None] + layers * layer[:, None] - eye[:, None]
+            places = np.asarray(self.origin)[:, None] + steps.T @ layers - eye[:, None]
             x, y, z = places[:, there] * along[:, None]
             found.append(float((x + y + z).max(initial=-math.inf)))
         return -found[0], found[1]
 
     def face(self, axis: int, index: int) -> float:
-        """Return the coordinate of the plane midway between samples index - 1 and index along x, y or z."""
+        """Return the own coordinate of the plane midway between samples index - 1 and index along x, y or z."""
         middle = index - 0.25 if self.lattice == "bcc" and axis < 2 else index - 0.5
-        return self.origin[axis] + middle * self.steps[axis]
+        return self.first[axis] + middle * self.steps[axis]
 
     def around(self, cell: Bounds, margin: float) -> Box:
-        """Return the box of all samples whose kernels reach closer to a cell than `margin`, [k, j, i].
+        """Return the box of all samples whose kernels reach closer to a cell than `margin` world units, [k, j, i].
 
         The box has at least one sample. Layers of a BCC lattice begin with an even one.
         """
         found = []
         for axis in (2, 1, 0):
-            count, step = self.shape[2 - axis], self.steps[axis]
-            reach = self.semi_axes[axis] + margin
-            low, high = (
-                (cell[0][axis] - reach - self.origin[axis]) / step,
-                (cell[1][axis] + reach - self.origin[axis]) / step,
-            )
+            count, step, first = self.shape[2 - axis], self.steps[axis], self.first[axis]
+            reach = self.semi_axes[axis] + self.own_lengths(margin)[axis]
+            low, high = (cell[0][axis] - reach - first) / step, (cell[1][axis] + reach - first) / step
             moved = 0.5 if self.lattice == "bcc" and axis < 2 else 0.0
             more = self.mirrored[2 - axis]
             least, most = -more, count + more
-            first = least if low <= least else min(math.floor(low - moved), most - 1)
-            last = most if high >= most - 1 else max(math.ceil(high) + 1, first + 1)
+            begin = least if low <= least else min(math.floor(low - moved), most - 1)
+            end = most if high >= most - 1 else max(math.ceil(high) + 1, begin + 1)
             if self.lattice == "bcc" and axis == 2:
-                first -= first % 2
-            found.append((max(first, least), min(last, most)))
+                begin -= begin % 2
+            found.append((max(begin, least), min(end, most)))
         return found[0], found[1], found[2]
+
+    def own_lengths(self, length: float) -> Triple:
+        """Return how far a world length reaches along x, y and z, at most, in the lattice's own coordinates."""
+        if self.to_box is None:
+            return length, length, length
+        x, y, z = (length * np.linalg.norm(self.to_box, axis=1)).tolist()
+        return x, y, z
 
     def to_read(self, box: Box) -> Box:
         """Return the samples of the volume that the kernels of a box depend on: with `prefilter` also others around."""
@@ -296,7 +342,7 @@ class LatticeSpec:
         wanted = tuple(last - first for first, last in read)
         if samples.shape != wanted:
             raise complain("a brick cannot be made", f"samples of shape {samples.shape}", f"shape {wanted}")
-        names = ("lattice", "radius", "falloff", "spacing", "w0", "nan", "base")
+        names = ("lattice", "radius", "falloff", "w0", "nan", "base", "spacing" if self.axes is None else "axes")
         options: dict[str, Any] = {name: getattr(self, name) for name in names}
         found = None
         if self.prefilter:
@@ -309,7 +355,8 @@ class LatticeSpec:
             options["normalization"] = self.normalization
         options["boundary"] = "zero"
         (k, _), (j, _), (i, _) = box
-        origin = tuple(o + step * n for o, step, n in zip(self.origin, self.steps, (i, j, k), strict=True))
+        steps = ending.steps(self.lattice, self.spacing, self.axes)
+        origin = np.asarray(self.origin) + np.asarray((i, j, k)) @ steps
         if self._has_corners(box):
             options["nan"] = "skip"
         return RegularField.part(

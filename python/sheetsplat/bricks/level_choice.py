@@ -109,22 +109,27 @@ class _Lines:
     def of(cls, view: BrickView, number: int) -> _Lines:
         """Return lines with a point at every slice distance within the brick."""
         lower, upper = _box_of(view, number)
+        rows = view.partition.to_box
+        to_box = np.eye(3) if rows is None else np.asarray(rows)
+        to_world = np.linalg.inv(to_box)
         generator = np.random.default_rng(number)
-        points = lower + generator.random((_LINES, 3)) * (upper - lower)
+        points = (lower + generator.random((_LINES, 3)) * (upper - lower)) @ to_world.T
         along = generator.normal(size=(_LINES, 3))
         along /= np.linalg.norm(along, axis=1)[:, None]
         step = view.slice_spacing
-        half = math.ceil(float(np.linalg.norm(upper - lower)) / step)
+        sides = np.linalg.norm(to_world, axis=0) * (upper - lower)
+        half = math.ceil(float(np.linalg.norm(sides) if rows is None else sides.sum()) / step)
         distances: Floats = step * np.arange(-half, half + 1, dtype=np.float64)
         places = points[:, None, :] + distances[None, :, None] * along[:, None, :]
-        inside: NDArray[np.bool_] = np.all((places >= lower) & (places <= upper), axis=2)
+        own = places if rows is None else places @ to_box.T
+        inside: NDArray[np.bool_] = np.all((own >= lower) & (own <= upper), axis=2)
         return cls(points, along, distances, inside)
 
 
 def _box_of(view: BrickView, number: int) -> tuple[Floats, Floats]:
-    """Return what kernels reach of the cell of a brick."""
+    """Return what kernels reach of the cell of a brick, in the coordinates of cells."""
     cell = np.asarray(view.partition.bricks[number].cell)
-    lower, upper = np.asarray(view.whole.domain or view.supports)
+    lower, upper = np.asarray(view.whole.domain or view.own_supports)
     return np.maximum(cell[0], lower), np.minimum(cell[1], upper)
 
 

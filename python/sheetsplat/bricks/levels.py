@@ -21,6 +21,7 @@ from sheetsplat.bricks.readers import Shape
 from sheetsplat.bricks.resident import residents
 from sheetsplat.bricks.sources import BrickSource, Level
 from sheetsplat.bricks.store import Store
+from sheetsplat.fields import ending
 
 
 def means(values: NDArray[Any], kind: np.dtype[Any]) -> NDArray[Any]:
@@ -99,6 +100,8 @@ def most_levels(shape: Shape, edge: int) -> int:
 def lattices_of(source: BrickSource, lattice: LatticeSpec) -> Iterator[LatticeSpec]:
     """Yield the lattices of the coarser levels of a volume on a lattice."""
     for one in source.coarser:
+        steps = ending.steps(lattice.lattice, lattice.spacing, lattice.axes)
         spacing = [a * b for a, b in zip(one.steps, lattice.spacing, strict=True)]
-        origin = [o + n * b for o, n, b in zip(lattice.origin, one.start, lattice.spacing, strict=True)]
-        yield lattice.replace(shape=one.source.shape, spacing=tuple(spacing), origin=tuple(origin))
+        axes = None if lattice.axes is None else tuple(map(tuple, (np.asarray(one.steps)[:, None] * steps).tolist()))
+        origin = (np.asarray(lattice.origin) + np.asarray(one.start) @ steps).tolist()
+        yield lattice.replace(shape=one.source.shape, spacing=tuple(spacing), axes=axes, origin=tuple(origin))

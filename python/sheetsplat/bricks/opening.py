@@ -28,11 +28,11 @@ from sheetsplat.choose.kernels import with_own_kernel
 from sheetsplat.errors import complain, option_ref, option_refs, unusable
 from sheetsplat.fields import BrickedField, BrickedKernels
 from sheetsplat.fields.regular import narrowest
-from sheetsplat.io.axes import tell_units
+from sheetsplat.io.axes import placement, tell_units
 from sheetsplat.io.kernels import log_base
 from sheetsplat.options.bricks import OpenBricksOptions, cluster_of, edge_of, folder_of, kernels_of, levels_of
 from sheetsplat.options.core import check_names, definitions, documented, filled
-from sheetsplat.options.data import KernelOptions, PlacementOptions
+from sheetsplat.options.data import KernelOptions
 from sheetsplat.options.quality import QUALITIES
 
 # Of all that is done, what the first reading is: a second one sorts kernels, or makes levels.
@@ -42,7 +42,7 @@ _AROUND = 6
 _SAMPLES = ("shape", "dtype", "offset", "name", "scalar", "step")
 _OWN = ("brick", "levels", "brick_kernels", "scratch", "client", "worker_timeout", "progress")
 # Options of scattered data, and one that needs all samples at once.
-_REFUSED = ("grid", "particles", "support", "fit", "neighbors", "min_scale", "resample", "weight")
+_REFUSED = ("grid", "particles", "support", "fit", "neighbors", "min_scale", "periodic", "resample", "weight")
 
 
 @documented(OpenBricksOptions, chooses=True)
@@ -168,10 +168,11 @@ def _with_levels(source: BrickSource, cut: _Cut, partition: Partition, client: A
 def _field(source: BrickSource, cut: _Cut, client: Any, given: Mapping[str, Any]) -> BrickedField:
     """Return the field with the kernels that were given, or plain ones."""
     if "spacing" not in given:
-        tell_units(source.quantity.axes, source.shape, source.spacing)
-    names = (*definitions(PlacementOptions), *definitions(KernelOptions))
-    placed: dict[str, Any] = {"spacing": source.spacing, "origin": source.origin}
-    placed |= {name: given[name] for name in names if name in given}
+        tell_units(source.quantity, source.shape, source.spacing)
+    placed = placement(source, given)
+    if source.holey:
+        placed["nan"] = "skip"
+    placed |= {name: given[name] for name in ("lattice", *definitions(KernelOptions)) if name in given}
     lattice = placed.get("lattice", "cartesian")
     choice("open_bricks: lattice", lattice, ("cartesian", "bcc"))
     if cut.levels and lattice != "cartesian":
@@ -189,7 +190,7 @@ def _field(source: BrickSource, cut: _Cut, client: Any, given: Mapping[str, Any]
         found = each(client, source, (partition, plan), len(partition), task, merge, partition, "drawn")
     cores = [one.samples for one in partition.bricks if one.samples is not None]
     known = Survey.of(source, found, cores, plan)
-    if known.missing and given.get("nan", "error") == "error":
+    if known.missing and placed.get("nan", "error") == "error":
         raise complain(
             f"{source.name} cannot be drawn",
             f"{known.missing} of {known.size} samples are NaN",

@@ -24,6 +24,7 @@ from sheetsplat.bricks.store import FileStore, MemoryStore, Store
 from sheetsplat.errors import complain
 from sheetsplat.fields import BrickedKernels, EllipsoidField, KernelFacts, joined_bounds
 from sheetsplat.io.kernels import log_base
+from sheetsplat.notices import warn
 
 # Rows of a segment: fewer where there are few kernels, so that neighbours do not read whole bricks.
 _LEAST_ROWS, _MOST_ROWS = 256, 1 << 16
@@ -65,7 +66,7 @@ class KernelSurvey:
 def survey_of(shared: tuple[int, str], pieces: Pieces, number: int) -> KernelSurvey:
     """Return what is known of one piece; `shared`: the stride, and the name of all pieces."""
     field, (stride, _) = pieces.read(number), shared
-    if field.size != pieces.counts[number]:
+    if field.size != pieces.counts[number] and not (pieces.skips and field.size < pieces.counts[number]):
         found, wanted = f"{field.size} rows in piece {number}", f"{pieces.counts[number]}, as when it was opened"
         raise complain(f"{pieces.name} cannot be read", found, wanted)
     table = table_of(field)
@@ -160,11 +161,14 @@ def open_kernels(
     if pieces.in_memory:
         # They are here already, and are sent to workers once.
         client = None
+    rows = sum(pieces.counts)
     # Of so many kernels one is in the sample.
-    stride = max(1, -(-sum(pieces.counts) // _SAMPLE))
+    stride = max(1, -(-rows // _SAMPLE))
     with part(0.0, 0.5):
         task, merge = ("survey-kernels", survey_of), ("merge-surveys", merge_kernel_surveys)
         found: KernelSurvey = each(client, pieces, (stride, pieces.name), len(pieces.counts), task, merge)
+    if found.count < rows:
+        warn(f"{rows - found.count} of {rows} rows of {pieces.name} are left out, because numbers are not finite")
     sample = sample_of(found, stride)
     partition = partition_points(found.sample["center"], math.ceil(found.count / most))
     with part(0.5, 1.0):
@@ -179,10 +183,10 @@ def open_kernels(
     )
     # The same kernels cut in another way have other bricks, and with other options other fields.
     one = found.template
-    told = (pieces.token, most, one.normalization, one.falloff, one.w0, one.cell_volume, one.base)
+    told = (pieces.token, most, one.normalization, one.falloff, one.w0, one.cell_volume, one.base, one.periodic)
     token = hashlib.blake2b(repr(told).encode(), digest_size=12).hexdigest()
     source = KernelSource(
-        pieces.name, token, found.template, found.sample.dtype, store, segments, partition, found.longest
+        pieces.name, token, found.template.without_end(), found.sample.dtype, store, segments, partition, found.longest
     )
     field = BrickedKernels.of(sample, source, facts)
     if "log" not in given:

@@ -57,7 +57,8 @@ class Brick:
     number
         Its place among `Partition.bricks`.
     cell
-        Its points x, lower <= x < upper, in the world; infinite where the brick has no neighbour.
+        Its points x, lower <= x < upper, in the world or the lattice's own coordinates (`Partition.to_box`); infinite
+        where the brick has no neighbour.
     samples
         The samples that are its own, [k, j, i]; None for scattered kernels, whose centres say where they belong.
     """
@@ -96,10 +97,13 @@ class Partition:
         The bricks by their numbers.
     tree
         How splits divide them.
+    to_box
+        What takes world positions to the coordinates of cells and splits, rows of (3, 3); None: these are the world's.
     """
 
     bricks: tuple[Brick, ...]
     tree: Split | int
+    to_box: tuple[Triple, Triple, Triple] | None = None
 
     def __len__(self) -> int:
         """Return the number of bricks."""
@@ -111,7 +115,10 @@ class Partition:
         Along the ray of each pixel everything in the first of a pair comes before everything in the second, so that
         pairs can be merged in any process, inner ones first, into one picture whose bits do not depend on where.
         """
-        return _nested(self.tree, camera)
+        eye, back = np.asarray(camera.eye, np.float64), np.asarray(camera.world_axes()[2], np.float64)
+        if self.to_box is not None:
+            eye, back = np.asarray(self.to_box) @ eye, np.asarray(self.to_box) @ back
+        return _nested(self.tree, eye if camera.kind == "perspective" else None, back)
 
     def order(self, camera: Camera) -> tuple[int, ...]:
         """Return the numbers of all bricks from front to back."""
@@ -120,6 +127,8 @@ class Partition:
     def brick_of(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return the numbers of the bricks that points (N, 3) belong to."""
         found = np.empty(len(points), np.int64)
+        if self.to_box is not None:
+            points = points @ np.transpose(self.to_box)
 
         def descend(part: Split | int, chosen: NDArray[np.int64]) -> None:
             if isinstance(part, int):
@@ -133,15 +142,12 @@ class Partition:
         return found
 
 
-def _nested(part: Split | int, camera: Camera) -> Nested:
+def _nested(part: Split | int, eye: NDArray[np.float64] | None, back: NDArray[np.float64]) -> Nested:
     if isinstance(part, int):
         return part
-    below, above = _nested(part.below, camera), _nested(part.above, camera)
-    if camera.kind == "perspective":
-        eye_above = camera.eye[part.axis] >= part.place
-    else:
-        # `back` points towards the viewer.
-        eye_above = camera.world_axes()[2][part.axis] > 0
+    below, above = _nested(part.below, eye, back), _nested(part.above, eye, back)
+    # `back` points towards the viewer, who has no place in orthographic views.
+    eye_above = back[part.axis] > 0 if eye is None else eye[part.axis] >= part.place
     return (above, below) if eye_above else (below, above)
 
 
@@ -226,7 +232,8 @@ def partition_lattice(lattice: LatticeSpec, brick: int | Sequence[int] = 256) ->
 
     nk, nj, ni = lattice.shape
     tree = cut(((0, nk), (0, nj), (0, ni)), EVERYWHERE)
-    return Partition(tuple(bricks), tree)
+    rows = None if lattice.to_box is None else tuple(_triple(row) for row in lattice.to_box.tolist())
+    return Partition(tuple(bricks), tree, rows)  # type: ignore[arg-type]
 
 
 def partition_points(points: NDArray[np.float64], bricks: int) -> Partition:

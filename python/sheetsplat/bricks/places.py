@@ -65,6 +65,7 @@ class Places:
         axes: Sequence[Floats],
         camera: Camera,
         size: tuple[int, int],
+        to_world: Floats | None = None,
     ) -> Places:
         """Return the places of bricks.
 
@@ -78,12 +79,15 @@ class Places:
             World directions that point right, up, and back towards the viewer.
         camera, size
             Of the picture.
+        to_world
+            What takes coordinates of cells and `within` to the world's, (3, 3); None: they are these.
         """
         right, up, back = axes
         boxes = np.stack((np.maximum(cells[:, 0], within[0]), np.minimum(cells[:, 1], within[1])), axis=1)
         seen: NDArray[np.bool_] = np.all(boxes[:, 0] < boxes[:, 1], axis=1)
         boxes[~seen] = within
-        away = boxes[:, _CORNERS, np.arange(3)] - np.asarray(camera.eye)
+        corners = boxes[:, _CORNERS, np.arange(3)]
+        away = (corners if to_world is None else corners @ to_world.T) - np.asarray(camera.eye)
         depth = -(away @ back)
         x, y = away @ right, away @ up
         around = np.zeros(len(boxes), bool)

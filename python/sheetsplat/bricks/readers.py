@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from sheetsplat.bricks.lattice import Box, slices
 from sheetsplat.errors import Error, OutOfMemory, complain, missing_package
-from sheetsplat.io.source import Folder, Source, guarded
-from sheetsplat.io.stored import StoredSamples, changed
+from sheetsplat.io.records import Packing
+from sheetsplat.io.source import Folder, Source
+from sheetsplat.io.stored import LazySamples, StoredSamples, changed
 
 Shape = tuple[int, int, int]
 # How many bytes of a remote file come in the time that one more request takes.
@@ -139,44 +140,12 @@ def of_url(url: str, samples: StoredSamples, box: Box) -> NDArray[Any]:
         return samples[slices(box)].read(fetch, _REMOTE_CALL)
 
 
-def of_hdf5(stamps: tuple[Stamp], dataset: str, box: Box) -> NDArray[Any]:
-    """Return samples of a dataset of an HDF5 file."""
-    from sheetsplat.io.hdf5_volumes import read_part
-
-    with unchanged(*stamps), Source(stamps[0].path, dataset) as source:
-        return read_part(source, dataset, box)
+def of_lazy(stamps: tuple[Stamp, ...], samples: LazySamples, box: Box) -> NDArray[Any]:
+    """Return samples of an array that something else reads; `stamps`: the files that have them."""
+    with unchanged(*stamps):
+        return samples[slices(box)].read()
 
 
-def of_zarr(located: Any, box: Box) -> Any:
-    """Return samples of an array of a Zarr folder."""
-    with guarded(located.path):
-        return located.part(box)
-
-
-def of_netcdf(stamps: tuple[Stamp], inner: str, name: str | None, step: int | None, box: Box) -> NDArray[Any]:
-    """Return samples of a variable of a NetCDF file."""
-    from sheetsplat.io.netcdf import opened as opened_variable
-    from sheetsplat.io.xarray_data import one_step, placed
-
-    with unchanged(*stamps), Source(stamps[0].path, inner) as source, opened_variable(source, name) as array:
-        return of_placed(placed(one_step(array, source.path, step), source.path), box)
-
-
-def of_lazy(array: Any, box: Box) -> Any:
-    """Return samples of an array of another library that reads parts of itself: dask, Zarr."""
-    return _computed(array[slices(box)])
-
-
-def of_placed(found: Any, box: Box) -> NDArray[Any]:
-    """Return samples of a placed DataArray of xarray; coordinates that fall turn an axis round."""
-    cuts = tuple(
-        slice(size - last, size - first) if falls else slice(first, last)
-        for (first, last), size, falls in zip(box, found.array.shape, found.falling, strict=True)
-    )
-    values = np.asarray(_computed(found.array[cuts].data))
-    return np.flip(values, tuple(axis for axis in range(3) if found.falling[axis]))
-
-
-def _computed(part: Any) -> Any:
-    # Tasks of a worker draw bricks; further tasks of its scheduler would wait for them.
-    return part.compute(scheduler="synchronous") if hasattr(part, "compute") else part
+def unpacked(reader: Reader, packing: Packing, name: str, box: Box) -> NDArray[Any]:
+    """Return the samples that the numbers of a reader stand for."""
+    return packing.unpacked(np.asarray(reader(box)), name)

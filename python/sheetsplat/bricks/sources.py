@@ -21,16 +21,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _memory
-from sheetsplat._checks import Triple, shown
+from sheetsplat._checks import Triple, shown, triple
 from sheetsplat._objects import kind_of_object
 from sheetsplat.bricks import readers
 from sheetsplat.bricks.lattice import Box
 from sheetsplat.bricks.readers import Reader, Shape, Stamp, check_options, check_plain, is_url, placed_errors, refused
 from sheetsplat.errors import Unsupported, complain, option_ref
 from sheetsplat.fields.regular import as_samples, kept_type
+from sheetsplat.io.axes import placed
+from sheetsplat.io.checks import check_volume
 from sheetsplat.io.kernels import logarithm
-from sheetsplat.io.lazy_arrays import check_volume
-from sheetsplat.io.records import Volume
+from sheetsplat.io.records import Packing, Volume
 from sheetsplat.io.source import Folder, Source, opened
 from sheetsplat.io.stored import StoredSamples
 from sheetsplat.orientation import Orientation
@@ -66,6 +67,8 @@ class BrickSource:
         Reads them.
     spacing, origin
         World units along x, y, z.
+    axes
+        Steps of i, j and k in the world, in place of the spacing; None: along the world.
     quantity, orientation
         As those of a field.
     kept
@@ -78,6 +81,8 @@ class BrickSource:
         Coarser levels of the same volume, the finest first.
     carried
         Bytes that go along where it is pickled.
+    holey
+        Whether NaN is what the data say is missing.
     """
 
     name: str
@@ -87,6 +92,7 @@ class BrickSource:
     reader: Reader
     spacing: Triple = (1.0, 1.0, 1.0)
     origin: Triple = (0.0, 0.0, 0.0)
+    axes: tuple[Triple, ...] | None = None
     quantity: Quantity = Quantity()
     orientation: Orientation | None = None
     kept: np.dtype[Any] | None = None
@@ -94,6 +100,7 @@ class BrickSource:
     limits: tuple[float, float] | None = None
     coarser: tuple[Level, ...] = ()
     carried: int = 0
+    holey: bool = False
 
     @property
     def key(self) -> tuple[Any, ...]:
@@ -104,7 +111,9 @@ class BrickSource:
         """Return whether the samples are the same, shown and placed in the same way."""
         if not isinstance(other, BrickSource):
             return NotImplemented
-        mine, others = ((*one.key, one.spacing, one.origin, one.quantity, one.orientation) for one in (self, other))
+        mine, others = (
+            (*one.key, one.spacing, one.origin, one.axes, one.quantity, one.orientation) for one in (self, other)
+        )
         return mine == others
 
     def __hash__(self) -> int:
@@ -243,9 +252,13 @@ def open_source(data: Any, options: Mapping[str, Any]) -> BrickSource:
         return _of_object(data, kind.name)
 
 
-def _source(name: str, token: str, volume: Volume, reader: Reader) -> BrickSource:
-    """Return the source of a volume whose values stand for shape and type alone."""
-    kind = volume.values.dtype.newbyteorder("=")
+def _source(name: str, token: str, volume: Volume, reader: Callable[[Any], Reader]) -> BrickSource:
+    """Return the source of a volume; `reader` makes what reads boxes of its values as they are placed."""
+    volume = placed(name, volume)
+    packing, read = volume.packing, reader(volume.values)
+    kind = packing.kind(volume.values.dtype.newbyteorder("="))
+    if packing != Packing():
+        read = partial(readers.unpacked, read, packing, name)
     check_volume(name, volume.values.shape, kind)
     nk, nj, ni = volume.values.shape
     if not volume.values.size:
@@ -258,12 +271,14 @@ def _source(name: str, token: str, volume: Volume, reader: Reader) -> BrickSourc
         _digest(token.encode()),
         (nk, nj, ni),
         kind,
-        reader,
+        read,
         volume.spacing,
         volume.origin,
+        None if volume.axes is None else tuple(triple("axes", row) for row in volume.axes),
         volume.quantity,
         volume.orientation,
         kept_type(kind),
+        holey=bool(packing.missing),
     )
 
 
@@ -276,27 +291,16 @@ def _digest(data: bytes | memoryview) -> str:
     return hashlib.blake2b(data, digest_size=12).hexdigest()
 
 
-def _stand_in(shape: Any, dtype: Any) -> NDArray[Any]:
-    """Return an array of a shape and a type that takes no memory."""
-    return np.broadcast_to(np.zeros((), dtype), shape)
-
-
 def _of_numpy(data: Any) -> BrickSource:
     values = as_samples(data)
-    volume = Volume(_stand_in(values.shape, values.dtype))
     token = _digest(values.data if values.size else b"")
-    read = partial(readers.of_array, values)
-    return _source("the array", f"{token}{values.dtype.str}{values.shape}", volume, read).replace(carried=values.nbytes)
+    token = f"{token}{values.dtype.str}{values.shape}"
+    made = _source("the array", token, Volume(values), lambda samples: partial(readers.of_array, samples))
+    return made.replace(carried=values.nbytes)
 
 
 def _of_object(data: Any, name: str) -> BrickSource:
     module = type(data).__module__.partition(".")[0]
-    if module == "xarray" and type(data).__name__ == "DataArray":
-        from sheetsplat.io.xarray_data import placed
-
-        found = placed(data, name)
-        volume = found.volume(name, _stand_in(found.array.shape, found.array.dtype))
-        return _source(name, _opened_anew(), volume, partial(readers.of_placed, found))
     if module == "h5py":
         if not Path(str(data.file.filename)).is_file():
             raise refused(name, "a file in memory", "a file that all workers can read")
@@ -305,11 +309,14 @@ def _of_object(data: Any, name: str) -> BrickSource:
         root = getattr(data.store, "root", None)
         if root is not None:
             return _file(str(Path(root) / data.path), {})
-        volume = Volume(_stand_in(data.shape, data.dtype))
-        return _source(name, _opened_anew(), volume, partial(readers.of_lazy, data))
-    if module == "dask":
-        check_volume(name, data.shape, data.dtype)
-        return _source(name, _opened_anew(), Volume(_stand_in(data.shape, data.dtype)), partial(readers.of_lazy, data))
+    if module in ("zarr", "dask") or type(data).__name__ == "DataArray":
+        from sheetsplat.io.lazy_arrays import part_of
+
+        # Tasks of a worker draw bricks; further tasks of its scheduler would wait for them.
+        named = pkgutil.resolve_name(f"sheetsplat.io.{'xarray_data' if module == 'xarray' else 'lazy_arrays'}:named")
+        one = named(data, name)
+        one = replace(one, samples=replace(one.samples, fetch=partial(part_of, data, scheduler="synchronous")))
+        return _source(name, _opened_anew(), one.volume(module), _lazily())
     raise refused(
         name,
         f"{type(data).__name__}, which is read as a whole",
@@ -349,43 +356,43 @@ def _stored(text: str, volume: Volume, *headers: Path) -> BrickSource:
     samples: Any = volume.values
     stamps = tuple(map(Stamp.of, dict.fromkeys((*headers, samples.path))))
     samples = replace(samples, path=stamps[-1].path)
-    return _source(text, f"{stamps}{samples}", volume, partial(readers.of_file, stamps, samples))
+    token = f"{stamps}{samples}"
+    return _source(
+        text, token, replace(volume, values=samples), lambda turned: partial(readers.of_file, stamps, turned)
+    )
 
 
-def _hdf5(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
-    from sheetsplat.io.hdf5_volumes import locate
+def _lazily(*stamps: Stamp) -> Callable[[Any], Reader]:
+    """Return what makes the reader of `LazySamples`; `stamps`: the files that have them."""
+    return lambda samples: partial(readers.of_lazy, stamps, samples)
 
-    volume = locate(source, _chosen_name(options))
-    stamp = Stamp.of(source.path)
-    dataset = volume.details["content"]
-    return _source(text, f"{stamp}{dataset}", volume, partial(readers.of_hdf5, (stamp,), dataset))
+
+def _by_reader(reader: str) -> Callable[..., BrickSource]:
+    """Return what locates the arrays of a file by a function of `sheetsplat.io`."""
+
+    def locate(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
+        stamp, name, step = Stamp.of(source.path), _chosen_name(options), options.get("step")
+        volume = pkgutil.resolve_name("sheetsplat.io." + reader)(source, name, step)
+        return _source(text, f"{stamp}{source.inner}{name}{step}", volume, _lazily(stamp))
+
+    return locate
 
 
 def _zarr(source: Folder, text: str, options: Mapping[str, Any]) -> BrickSource:
     from sheetsplat.io.zarr_folders import locate, locate_coarser
 
-    located = _absolute(locate(source, _chosen_name(options), options.get("step")))
-    volume = Volume(
-        _stand_in(located.shape, located.dtype),
-        located.spacing,
-        located.origin,
-        located.format,
-        located.details,
-        located.quantity,
-    )
-    made = _source(text, _zarr_token(located), volume, partial(readers.of_zarr, located))
+    source = Folder(Path(os.path.abspath(source.path)), source.inner)
+    located = locate(source, _chosen_name(options), options.get("step"))
+    made = _source(text, _zarr_token(located), located.volume, _lazily())
     others = locate_coarser(source, _chosen_name(options), options.get("step"))
-    return made.replace(coarser=tuple(_level(text, made, one) for one in others if _is_coarser(one, made)))
-
-
-def _absolute(located: Any) -> Any:
-    """Return a scale whose path means the same to other processes."""
-    return replace(located, path=Path(os.path.abspath(located.path)))
+    levels = [_source(f"{text}, {one.path.name}", _zarr_token(one), one.volume, _lazily()) for one in others]
+    return made.replace(coarser=tuple(_level(made, one) for one in levels if _is_coarser(one, made)))
 
 
 def _zarr_token(located: Any) -> str:
     """Return what tells a scale from all others, and from itself before any of its chunks was written again."""
-    digest = hashlib.blake2b(repr((str(located.path), located.index)).encode(), digest_size=12)
+    what = repr((str(located.path), located.volume.values.index))
+    digest = hashlib.blake2b(what.encode(), digest_size=12)
     for folder, folders, files in os.walk(located.path):
         folders.sort()
         for name in sorted(files):
@@ -394,33 +401,17 @@ def _zarr_token(located: Any) -> str:
     return digest.hexdigest()
 
 
-def _is_coarser(located: Any, source: BrickSource) -> bool:
+def _is_coarser(one: BrickSource, source: BrickSource) -> bool:
     """Return whether a scale has wider steps, along no axis narrower ones, and samples at all."""
-    wider = [a / b for a, b in zip(located.spacing, source.spacing, strict=True)]
-    return bool(min(wider) >= 1.0 and max(wider) > 1.0 and min(located.shape) > 0)
+    wider = [a / b for a, b in zip(one.spacing, source.spacing, strict=True)]
+    return bool(min(wider) >= 1.0 and max(wider) > 1.0 and one.size > 0)
 
 
-def _level(text: str, source: BrickSource, located: Any) -> Level:
-    located = _absolute(located)
-    name = f"{text}, {located.path.name}"
-    volume = Volume(_stand_in(located.shape, located.dtype), located.spacing, located.origin)
-    coarse = _source(name, _zarr_token(located), volume, partial(readers.of_zarr, located))
-    x, y, z = (a / b for a, b in zip(located.spacing, source.spacing, strict=True))
-    places = zip(located.origin, source.origin, source.spacing, strict=True)
+def _level(source: BrickSource, coarse: BrickSource) -> Level:
+    x, y, z = (a / b for a, b in zip(coarse.spacing, source.spacing, strict=True))
+    places = zip(coarse.origin, source.origin, source.spacing, strict=True)
     i, j, k = ((a - b) / step for a, b, step in places)
     return Level(coarse, (x, y, z), (i, j, k))
-
-
-def _netcdf(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
-    from sheetsplat.io.netcdf import opened as opened_variable
-    from sheetsplat.io.xarray_data import one_step, placed
-
-    stamp, name, step = Stamp.of(source.path), _chosen_name(options), options.get("step")
-    with opened_variable(source, name) as array:
-        found = placed(one_step(array, source.path, step), source.path)
-        volume = found.volume(source.path, _stand_in(found.array.shape, found.array.dtype))
-    read = partial(readers.of_netcdf, (stamp,), source.inner, name, step)
-    return _source(text, f"{stamp}{source.inner}{name}{step}", volume, read)
 
 
 def _raw(reader: str, *, behind_header: bool = False) -> Callable[..., BrickSource]:
@@ -441,9 +432,9 @@ _LOCATED: Mapping[str, tuple[Callable[..., BrickSource], tuple[str, ...]]] = {
     "npy": (_raw("numpy_files:locate"), ()),
     "nrrd": (_raw("nrrd_files:read", behind_header=True), ()),
     "metaimage": (_raw("metaimage:read", behind_header=True), ()),
-    "hdf5 volume": (_hdf5, ("name", "scalar")),
+    "hdf5 volume": (_by_reader("hdf5_volumes:locate"), ("name", "scalar", "step")),
     "zarr": (_zarr, ("name", "scalar", "step")),
-    "netcdf": (_netcdf, ("name", "scalar", "step")),
+    "netcdf": (_by_reader("netcdf:locate"), ("name", "scalar", "step")),
 }
 
 
@@ -468,4 +459,4 @@ def _remote(url: str, options: Mapping[str, Any]) -> BrickSource:
             found = f"{length} bytes, {offset} of them before the samples"
             raise complain(what, found, f"{needed} bytes of samples, {shown(shape)} of {kind}")
     samples: Any = StoredSamples.dense(Path(url), kind, shape, offset)
-    return _source(url, _opened_anew(), Volume(samples), partial(readers.of_url, url, samples))
+    return _source(url, _opened_anew(), Volume(samples), lambda turned: partial(readers.of_url, url, turned))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat._checks import Bounds
+from sheetsplat._checks import Bounds, Triple
 from sheetsplat.bricks.lattice import Box, LatticeSpec
 from sheetsplat.bricks.partition import Nested, Partition
 from sheetsplat.bricks.places import Places, Rect, unit_pixel
@@ -19,6 +19,7 @@ from sheetsplat.bricks.whole import Whole
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Unsupported, complain, option_ref
 from sheetsplat.limits import Depths
+from sheetsplat.look.visible import corners_of
 from sheetsplat.modes import TRAITS
 from sheetsplat.options.core import checked
 from sheetsplat.options.renderer import RendererClassOptions
@@ -187,8 +188,11 @@ class BrickView:
         """Where all bricks lie in the picture."""
         # An interval begins one slice before what is in it.
         beyond = self._slant() * self.slice_spacing * 1.5 + self._widening(self._farthest())
-        lower, upper = np.asarray(self.supports)
-        return Places.of(self._cells, (lower - beyond, upper + beyond), self._axes, self.camera, self.size)
+        lower, upper = np.asarray(self.own_supports)
+        more = np.asarray(self._own_lengths(beyond))
+        rows = self.partition.to_box
+        to_world = None if rows is None else np.linalg.inv(np.asarray(rows, np.float64))
+        return Places.of(self._cells, (lower - more, upper + more), self._axes, self.camera, self.size, to_world)
 
     @cached_property
     def _axes(self) -> tuple[NDArray[np.float64], ...]:
@@ -197,13 +201,27 @@ class BrickView:
     @cached_property
     def _cells(self) -> NDArray[np.float64]:
         """The points that are drawn of all bricks, (N, 2, 3)."""
-        return np.asarray([brick.cell for brick in self.partition.bricks]) + _MOVED * self.slice_spacing
+        return np.asarray([brick.cell for brick in self.partition.bricks]) + self._own_lengths(
+            _MOVED * self.slice_spacing
+        )
+
+    def _own_lengths(self, length: float) -> Triple:
+        """Return how far a world length reaches along the axes of cells, at most."""
+        return (length, length, length) if self.lattice is None else self.lattice.own_lengths(length)
 
     @cached_property
     def supports(self) -> Bounds:
         """The box of all supports of the whole."""
         boxes = np.asarray(self.whole.supports)
         return tuple(boxes[:, 0].min(axis=0).tolist()), tuple(boxes[:, 1].max(axis=0).tolist())
+
+    @cached_property
+    def own_supports(self) -> Bounds:
+        """The box of all supports in the coordinates of cells."""
+        if self.partition.to_box is None:
+            return self.supports
+        corners = corners_of(self.supports) @ np.transpose(self.partition.to_box)
+        return tuple(corners.min(axis=0).tolist()), tuple(corners.max(axis=0).tolist())
 
     @cached_property
     def depths(self) -> tuple[float, float]:
@@ -218,7 +236,13 @@ class BrickView:
         whole = self.whole
         given = {"in_front": None, **more}
         return native.with_part(
-            cell=cell, centres=whole.centres, depths=depths, domain=whole.domain, filled=whole.is_filled, **given
+            cell=cell,
+            centres=whole.centres,
+            depths=depths,
+            domain=whole.domain,
+            filled=whole.is_filled,
+            to_box=self.partition.to_box,
+            **given,
         )
 
     def cell(self, number: int) -> Bounds:

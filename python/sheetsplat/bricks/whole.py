@@ -40,6 +40,8 @@ class Whole:
         The offset of values.
     lattice
         The lattice; None for scattered kernels.
+    box
+        The periodic box of scattered kernels; None without one.
     """
 
     centres: Bounds
@@ -51,6 +53,7 @@ class Whole:
     is_mean: bool = False
     base: float = 0.0
     lattice: LatticeSpec | None = None
+    box: Bounds | None = None
 
     @classmethod
     def of_lattice(cls, lattice: LatticeSpec, value_range: tuple[float, float], centres: Bounds) -> Whole:
@@ -70,7 +73,7 @@ class Whole:
             supports=(lattice.supports(centres),),
             value_range=value_range,
             default_slice_spacing=lattice.default_slice_spacing,
-            largest_reach=max(lattice.semi_axes),
+            largest_reach=lattice.longest,
             falloff=lattice.falloff,
             base=lattice.base,
             lattice=lattice,
@@ -78,8 +81,8 @@ class Whole:
 
     @property
     def domain(self) -> Bounds | None:
-        """Where the field ends; None: nowhere."""
-        return None if self.lattice is None else self.lattice.domain
+        """Where the field ends, in the coordinates of cells; None: nowhere."""
+        return self.box if self.lattice is None else self.lattice.domain
 
     @property
     def is_filled(self) -> bool:
@@ -108,6 +111,7 @@ class Whole:
             falloff=field.falloff,
             is_mean=field.normalization == "threshold",
             base=field.base,
+            box=field.domain,
         )
 
     def depths(self, camera: Camera, widening: float = 0.0) -> tuple[float, float]:
@@ -122,7 +126,7 @@ class Whole:
         """
         eye, back = np.asarray(camera.eye), np.asarray(camera.world_axes()[2])
         if self.lattice is not None:
-            half = math.hypot(float(np.linalg.norm(np.asarray(self.lattice.semi_axes) * back)), widening)
+            half = math.hypot(self.lattice.half_extent(back), widening)
             behind, ahead = self.lattice.reach_along(self.centres, eye, back)
             return -ahead - half, -behind + half
         boxes, half = np.asarray(self.supports), widening

@@ -12,10 +12,10 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.cli.options import apply, as_json, common, options_of
+from sheetsplat.cli.options import apply, as_json, common, options_of, single
 from sheetsplat.cli.output import report, report_json
 from sheetsplat.cli.scene import file_options
-from sheetsplat.options.data import FileOptions, PlacementOptions
+from sheetsplat.options.data import FileOptions, KernelOptions, PlacementOptions
 
 if TYPE_CHECKING:
     from sheetsplat.fields import EllipsoidField
@@ -137,6 +137,8 @@ def describe(field: EllipsoidField, bins: int, log: object = None) -> dict[str, 
         "falloff": field.falloff,
         "slice_spacing": field.default_slice_spacing,
         "memory_bytes": field.memory,
+        "periodic": None if field.periodic is None else [list(corner) for corner in field.periodic],
+        "images": field.images,
         **_statistics(field.values[known], bins),
     }
     if field.size:
@@ -216,6 +218,7 @@ def _regular_rows(report: dict[str, Any]) -> list[tuple[str, str]]:
         ("spacing", _listed(report["spacing"])),
         ("origin", _listed(report["origin"])),
         ("extent", _listed(report["extent"])),
+        *((name, report[name]) for name in ("axes", "mirrored", "converted") if name in report),
         ("memory", f"{report['memory_bytes'] / 1e6:.1f} MB as {report['kept_as']}"),
     ]
 
@@ -236,6 +239,9 @@ def _scattered_rows(report: dict[str, Any]) -> list[tuple[str, str]]:
             ("aspect", aspect),
             ("weights", " to ".join(f"{weight:g}" for weight in report["weights"])),
         ]
+    if report["periodic"]:
+        box = " to ".join(f"({_listed(corner)})" for corner in report["periodic"])
+        rows.append(("periodic", f"{box}, with {report['images']} images of kernels"))
     w0 = f", w0 {report['w0']:g}" if report["normalization"] == "threshold" else ""
     return [
         *rows,
@@ -282,7 +288,7 @@ def _table(report: dict[str, Any]) -> list[str]:
 
 @click.command("info")
 @click.argument("file", type=click.Path(path_type=Path))
-@apply(options_of(FileOptions, PlacementOptions))
+@apply([*options_of(FileOptions, PlacementOptions), *single(KernelOptions, "nan")])
 @click.option("--bins", type=click.IntRange(1, 4096), default=16, show_default=True, help="Of the histogram.")
 @as_json
 @common

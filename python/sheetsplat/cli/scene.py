@@ -44,6 +44,8 @@ def file_options(options: dict[str, Any]) -> dict[str, Any]:
     if given["shape"] is not None:
         # Along x, y, z on the command line; of the array [k, j, i] in Python.
         given["shape"] = tuple(reversed(given["shape"]))
+    if given["periodic"] is not None:
+        given["periodic"] = (given["periodic"][:3], given["periodic"][3:])
     if options["log_floor"] is not None:
         given["log"] = options["log_floor"]
     if given["weight"] is not None and Path(given["weight"]).is_file():

@@ -39,8 +39,8 @@ _OPENED = {name: one for name, one in definitions(OpenOptions).items() if name !
 _KERNELS = ("radius", "falloff", "normalization", "w0", "prefilter")
 # The own options of fields by their kind.
 _KINDS = {
-    "RegularField": ("spacing", "origin", "lattice", *_KERNELS, "nan", "boundary", "base"),
-    "EllipsoidField": ("normalization", "w0", "falloff", "min_scale", "base"),
+    "RegularField": ("spacing", "axes", "origin", "lattice", *_KERNELS, "nan", "boundary", "base"),
+    "EllipsoidField": ("normalization", "w0", "falloff", "min_scale", "base", "periodic"),
 }
 # Options of volumes in pictures that were made before volumes had any of them.
 _BEFORE = {"boundary": "zero", "base": 0.0}
@@ -96,6 +96,8 @@ class FieldRecipe:
         if isinstance(field, RegularField):
             # One that was not given is found again in the same data.
             options["base"] = field.given_base
+            # Axes have lengths.
+            del options["axes" if field.axes is None else "spacing"]
         ghosts = field.ghost_options if isinstance(field, EllipsoidField) else None
         # Weights that are no array of the file have no name.
         unnamed = {"weight": None} if field.weighting is not None else {}

@@ -20,6 +20,7 @@ from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Quantity
 
 Normalization = Literal["none", "lattice", "threshold"]
+NanPolicy = Literal["error", "skip"]
 NOT_OPENED: Mapping[str, Any] = MappingProxyType({})
 
 
@@ -257,7 +258,7 @@ class Field(ABC):
         -------
         tuple
             Scalars, shape (M,), and their derivatives along x, y, z, shape (M, 3), scalar per world unit: the base and
-            0 where no kernel reaches. Outside of the domain of a volume, where pictures are empty, they are what the
+            0 where no kernel reaches. Outside of the domain of a field, where pictures are empty, they are what the
             sums give. With normalisation "threshold" the gradient jumps where W is w0; the side of the larger W holds
             there. Derivatives beyond float64 are not finite.
 
@@ -273,7 +274,7 @@ class Field(ABC):
         """Return the number of the kernel whose centre is nearest among those that reach a point, -1 where it is empty.
 
         Kernels of volumes are numbered as the samples of ``values.ravel()``; mirrored ones have the number of their
-        sample.
+        sample, and images in a periodic box that of their kernel.
 
         Raises
         ------
@@ -327,9 +328,22 @@ class Field(ABC):
         """What D is divided by at least where it is divided by W, which is larger elsewhere; None: it is not."""
         return self._w0 if self._normalization == "threshold" else None
 
+    @property
+    def domain(self) -> Bounds | None:
+        """World-aligned box where the field ends: its lower and its upper corner; None where it ends nowhere.
+
+        Infinite along axes along which it does not end.
+        """
+        lower, upper = self.native.domain
+        return (lower, upper) if all(a <= b for a, b in zip(lower, upper, strict=True)) else None
+
     def inside(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which points (M, 3) lie in the field's domain, (M,); a field that ends nowhere has all."""
-        return np.ones(len(points), bool)
+        box = self.domain
+        if box is None:
+            return np.ones(len(points), bool)
+        found: NDArray[np.bool_] = np.all((points >= box[0]) & (points <= box[1]), axis=1)
+        return found
 
     def _sums_at(self, points: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return D, W and their derivatives, (M, 8), and the numbers of the nearest kernels, (M,), -1 where empty."""

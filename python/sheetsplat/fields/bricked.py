@@ -12,7 +12,7 @@ from sheetsplat._checks import Bounds, Triple, choice, number, optional_number, 
 from sheetsplat.errors import Unsupported, complain
 from sheetsplat.fields import ending
 from sheetsplat.fields.base import NOT_OPENED
-from sheetsplat.fields.regular import BOUNDARIES, PARTS, RegularField
+from sheetsplat.fields.regular import BOUNDARIES, PARTS, RegularField, one_place
 from sheetsplat.fields.samples import Samples
 from sheetsplat.fields.trim import Trim
 from sheetsplat.orientation import Orientation
@@ -123,7 +123,7 @@ class BrickedField(RegularField):
         survey: Survey,
         brick: int,
         *,
-        spacing: Any = (1.0, 1.0, 1.0),
+        spacing: Any = None,
         origin: Any = (0.0, 0.0, 0.0),
         lattice: str = "cartesian",
         radius: float = 2.0,
@@ -134,10 +134,11 @@ class BrickedField(RegularField):
         nan: str = "error",
         boundary: str = "edge",
         base: float | None = None,
+        axes: Any = None,
     ) -> None:
         self._quantity, self._opened, self._orientation = source.quantity, NOT_OPENED, source.orientation
         self._trim, self._prober, self._weighting = Trim(), None, None
-        self._spacing = triple("open_bricks: spacing", spacing)
+        self._place(axes, spacing)
         self._origin = triple("open_bricks: origin", origin)
         self._lattice = choice("open_bricks: lattice", lattice, ("cartesian", "bcc"))
         self._radius = number("open_bricks: radius", radius)
@@ -195,7 +196,7 @@ class BrickedField(RegularField):
         if self.prefilter:
             # The one that it set itself.
             del options["normalization"]
-        made = BrickedField(self.source, self.survey, self.brick, **{**options, **changes})
+        made = BrickedField(self.source, self.survey, self.brick, **one_place({**options, **changes}, changes))
         return made._told_by(self).probed_by(self._prober)
 
     def probed_by(self, prober: Prober | None) -> BrickedField:
@@ -275,8 +276,8 @@ class BrickedField(RegularField):
 
     @property
     def domain(self) -> Bounds | None:
-        """World-aligned box where the volume ends: its lower and its upper corner; None where it ends nowhere."""
-        return ending.domain(self.shape, self._lattice, self._boundary, self._spacing, self._origin)
+        """World-aligned box around where the volume ends, its lower and its upper corner; None: it ends nowhere."""
+        return ending.domain(self.shape, self._lattice, self._boundary, self._spacing, self._origin, self._axes)
 
     @property
     def _least_weight(self) -> float:
@@ -314,6 +315,10 @@ class BrickedField(RegularField):
     def centre_bounds(self) -> Bounds:  # type: ignore[override]
         """World-aligned box around all kernel centres: its lower and its upper corner."""
         first, last = self.survey.centres(self._lattice)
+        if self._axes is not None:
+            ends = np.array((first, last))[:, :, None] * self._axes
+            low, high = ends.min(axis=0).sum(axis=0), ends.max(axis=0).sum(axis=0)
+            return triple("bounds", self._origin + low), triple("bounds", self._origin + high)
         half = 0.5 * self._spacing[0]
         steps = (half, half, half) if self._lattice == "bcc" else self._spacing
 
@@ -326,6 +331,9 @@ class BrickedField(RegularField):
     def bounds(self) -> Bounds:  # type: ignore[override]
         """World-aligned box around all supports: its lower and its upper corner."""
         lower, upper = self.centre_bounds
+        if self._axes is not None:
+            extent = self._radius * np.linalg.norm(self._axes, axis=0)
+            return triple("bounds", np.asarray(lower) - extent), triple("bounds", np.asarray(upper) + extent)
         length = self._spacing[0] / np.sqrt(2.0)
         steps = (length, length, length) if self._lattice == "bcc" else self._spacing
         reach = np.asarray(steps) * self._radius

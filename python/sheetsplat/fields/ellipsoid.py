@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory, _sheetsplat
-from sheetsplat._checks import choice, number, numbers, optional_number
+from sheetsplat._checks import Bounds, choice, number, numbers, optional_number, triple
 from sheetsplat._properties import Forwarded
+from sheetsplat._rows import usable_rows
 from sheetsplat.errors import Words, complain, option_ref, unusable
 from sheetsplat.fields.axes import axes_of_covariances, axes_of_frames
-from sheetsplat.fields.base import NOT_OPENED, Field, Normalization
+from sheetsplat.fields.base import NOT_OPENED, Field, NanPolicy, Normalization
 from sheetsplat.fields.trim import Trim
+from sheetsplat.fields.wrapping import Periodic, periodic_box
 from sheetsplat.quantity import Quantity
 
 _FEWER = "use fewer kernels at a time"
@@ -23,11 +25,26 @@ _FALLOFF = 8.0
 _LEAST_WEIGHT = 1e-30
 # All that a field is made of: arrays of the native field, and the rest.
 _ARRAYS = ("centers", "scales", "rotations", "values", "weights")
-_PARTS = ("_normalization", "_w0", "_falloff", "_min_scale", "_cell_volume", "_base", "_ghosts", "_ghost_options")
+_OPTIONS = ("normalization", "w0", "falloff", "min_scale", "cell_volume", "base", "periodic")
+_PARTS = (*(f"_{name}" for name in _OPTIONS), "_ghosts", "_ghost_options")
 
 
-def _rows(what: str, array: object, wanted: str, *shapes: tuple[int, ...]) -> NDArray[Any]:
-    """Return an array of N rows, each of one of these shapes; InvalidInput otherwise. N = 0 has any shape."""
+# What the rows of each array are, and their shapes.
+_NUMBERS: tuple[Any, ...] = ("(N,) numbers", ())
+_ROWS: dict[str, tuple[Any, ...]] = {
+    "centers": ("(N, 3) world positions", (3,)),
+    "scales": ("(N, 3) or (N,) semi-axes", (3,), ()),
+    "rotations": ("(N, 4) quaternions w, x, y, z or (N, 3, 3) matrices", (4,), (3, 3)),
+    "covariances": ("(N, 3, 3) covariances", (3, 3)),
+    "frames": ("(N, 3, 3) frames", (3, 3)),
+    "values": _NUMBERS,
+    "weights": _NUMBERS,
+}
+
+
+def _rows(what: str, array: object) -> NDArray[Any]:
+    """Return an array of N rows, each of one of its shapes; InvalidInput otherwise. N = 0 has any shape."""
+    wanted, *shapes = _ROWS[what]
     found = numbers(f"EllipsoidField: {what}", array, wanted)
     if found.ndim == 1 and found.size == 0 and () not in shapes:
         return found.reshape(0, *shapes[0])
@@ -39,21 +56,33 @@ def _rows(what: str, array: object, wanted: str, *shapes: tuple[int, ...]) -> ND
     return found
 
 
-def _no_rows(what: str) -> Exception:
-    return complain(
-        unusable(f"EllipsoidField: {what}"), "None", "one number for each kernel", "pass " + option_ref(what, "...")
-    )
-
-
-def _same_length(count: int, **arrays: NDArray[Any] | None) -> None:
-    for name, array in arrays.items():
-        if array is not None and len(array) != count:
+def _kernels(nan: str, centers: object, **others: object) -> list[Any]:
+    """Return checked arrays with as many rows each, None for those that are None; `nan` as for `EllipsoidField`."""
+    if others["values"] is None:
+        raise complain(
+            unusable("EllipsoidField: values"), "None", "one number for each kernel",
+            "pass " + option_ref("values", "..."),
+        )  # fmt: skip
+    arrays: dict[str, NDArray[Any] | None] = {"centers": (places := _rows("centers", centers))}
+    for name, one in others.items():
+        if name == "scales" and isinstance(one, int | float) and not isinstance(one, bool):
+            # One radius for all.
+            one = np.full(len(places), number("EllipsoidField: scales", one))
+        found = None if one is None and name in ("rotations", "weights") else _rows(name, one)
+        if found is not None and len(found) != len(places):
             raise complain(
                 "EllipsoidField: the arrays do not fit together",
-                f"{count} centers and {len(array)} {name}",
+                f"{len(places)} centers and {len(found)} {name}",
                 "as many of each",
                 "give one entry for each kernel",
             )
+        arrays[name] = found
+    # The arrays that the field keeps, and the smallest semi-axes for their median.
+    size = 8 * (sum(one.size for one in arrays.values() if one is not None) + len(places))
+    _memory.require(size, f"the {', '.join(arrays)} of a field of {len(places)} ellipsoids", _FEWER)
+    told = {name.removesuffix("s"): one for name, one in arrays.items()}
+    kept = usable_rows("EllipsoidField", told, nan, row="kernel")
+    return [one if one is None or kept is None else one[kept] for one in arrays.values()]
 
 
 class KernelOptions(TypedDict, total=False):
@@ -66,6 +95,8 @@ class KernelOptions(TypedDict, total=False):
     min_scale: float | None
     cell_volume: float | None
     base: float
+    nan: NanPolicy
+    periodic: Periodic
 
 
 class EllipsoidField(Field):
@@ -109,6 +140,14 @@ class EllipsoidField(Field):
         For "lattice": the volume that belongs to one kernel.
     base
         The value that all values are offset by: the scalar where no kernel reaches.
+    periodic
+        A box ((x0, y0, z0), (x1, y1, z1)), world units, in which kernels wrap: what leaves it by a face comes in by the
+        opposite one. Centres are moved into the box, kernels whose supports cross a face have images, which count in
+        every sum, and the field ends at the faces (`domain`): pictures are empty outside. An axis whose two ends are
+        equal, or of which one is infinite, does not wrap. A kernel may have up to 1000 images.
+    nan
+        What a kernel is that has a number which is not finite in any of the arrays: "error", or "skip", which leaves it
+        out. One `PictureWarning` says how many are left out, and for which arrays.
 
     Raises
     ------
@@ -125,9 +164,10 @@ class EllipsoidField(Field):
     (2, 0.5)
     """
 
-    __slots__ = ("_base", "_cell_volume", "_ghost_options", "_ghosts", "_min_scale")
+    __slots__ = ("_base", "_cell_volume", "_ghost_options", "_ghosts", "_min_scale", "_periodic")
     native: _sheetsplat.EllipsoidField
     _ghost_options: tuple[float, float] | None
+    _periodic: Bounds | None
 
     def __init__(
         self,
@@ -143,6 +183,8 @@ class EllipsoidField(Field):
         min_scale: float | None = None,
         cell_volume: float | None = None,
         base: float = 0.0,
+        periodic: Periodic = None,
+        nan: NanPolicy = "error",
     ) -> None:
         self._normalization = choice("EllipsoidField: normalization", normalization, ("none", "lattice", "threshold"))
         self._w0 = number("EllipsoidField: w0", w0)
@@ -150,26 +192,11 @@ class EllipsoidField(Field):
         self._min_scale = optional_number("EllipsoidField: min_scale", min_scale)
         self._cell_volume = optional_number("EllipsoidField: cell_volume", cell_volume)
         self._base = number("EllipsoidField: base", base)
+        self._periodic = periodic_box("EllipsoidField", periodic)
         self._quantity, self._opened, self._orientation, self._trim = Quantity(), NOT_OPENED, None, Trim()
         self._ghosts, self._ghost_options, self._weighting = 0, None, None
-        if values is None:
-            raise _no_rows("values")
-        places = _rows("centers", centers, "(N, 3) world positions", (3,))
-        count = len(places)
-        if isinstance(scales, int | float) and not isinstance(scales, bool):
-            # One radius for all.
-            scales = np.full(len(places), number("EllipsoidField: scales", scales))
-        sizes = _rows("scales", scales, "(N, 3) or (N,) semi-axes", (3,), ())
-        turns = None
-        if rotations is not None:
-            wanted = "(N, 4) quaternions w, x, y, z or (N, 3, 3) matrices"
-            turns = _rows("rotations", rotations, wanted, (4,), (3, 3))
-        heights = _rows("values", values, "(N,) numbers", ())
-        masses = None if weights is None else _rows("weights", weights, "(N,) numbers", ())
-        _same_length(count, scales=sizes, rotations=turns, values=heights, weights=masses)
-        # The arrays that the field keeps, and the smallest semi-axes for their median.
-        doubles = 5 + (3 if sizes.ndim == 2 else 1) + (4 if turns is not None else 0) + (1 if masses is not None else 0)
-        _memory.require(8 * doubles * count, f"a field of {count} ellipsoids", _FEWER)
+        rest = {"scales": scales, "rotations": rotations, "values": values, "weights": weights}
+        places, sizes, turns, heights, masses = _kernels(nan, centers, **rest)
         self.native = self._made(places, sizes, turns, heights, masses)
 
     def _made(
@@ -189,14 +216,8 @@ class EllipsoidField(Field):
             rotations,
             values,
             weights=weights,
-            normalization=self._normalization,
-            w0=self._w0,
-            falloff=self._falloff,
-            min_scale=self._min_scale,
-            cell_volume=self._cell_volume,
-            base=self._base,
+            **{**{name: getattr(self, f"_{name}") for name in _OPTIONS}, **of_part},
             unit_rotations=unit_rotations,
-            **of_part,
         )
 
     def _lies_as(self, other: Field) -> bool:
@@ -239,24 +260,28 @@ class EllipsoidField(Field):
         values: NDArray[Any],
         weights: NDArray[Any] | None,
         *,
-        value_range: tuple[float, float],
+        value_range: tuple[float, float] | None = None,
+        **changes: Any,
     ) -> EllipsoidField:
-        """Return the field of other kernels with the same options, for pictures in bricks.
+        """Return the field of other kernels with the same options, but for those that are given.
 
         Parameters
         ----------
         centers, scales, rotations, values, weights
             Rows of the arrays of a field of this package: quaternions have unit length to the last digit.
         value_range
-            As for `part`.
+            As for `part`; that of the values unless given.
+        changes
+            Other options of a field.
         """
         if weights is not None and not weights.any():
             # A field needs a weight above 0; those of 0 are drawn as this.
             weights = np.full_like(weights, _LEAST_WEIGHT)
         # The native range is offset by the base.
-        low, high = value_range[0] - self._base, value_range[1] - self._base
-        native = self._made(centers, scales, rotations, values, weights, unit_rotations=True, value_range=(low, high))
-        return self._with(native=native)
+        counted = None if value_range is None else tuple(value - self._base for value in value_range)
+        rows = centers, scales, rotations, values, weights
+        native = self._made(*rows, unit_rotations=True, value_range=counted, **changes)
+        return self._with(native=native, **{f"_{name}": one for name, one in changes.items()})
 
     @classmethod
     def from_covariances(
@@ -280,7 +305,7 @@ class EllipsoidField(Field):
         covariances
             (N, 3, 3), symmetric to within 1e-5 of their largest entry, and positive definite. Flat
             ones, with a variance of 0 within rounding, need `min_scale`.
-        weights, normalization, w0, falloff, cell_volume
+        weights, normalization, w0, falloff, cell_volume, base, periodic, nan
             As for `EllipsoidField`.
         min_scale
             As for `EllipsoidField`: of semi-axes, not of standard deviations.
@@ -293,7 +318,8 @@ class EllipsoidField(Field):
             Where the copies do not fit.
         """
         k = number("EllipsoidField: falloff", options.get("falloff", _FALLOFF))
-        given = _rows("covariances", covariances, "(N, 3, 3) covariances", (3, 3))
+        rest = {"covariances": covariances, "values": values, "weights": options.get("weights")}
+        centers, given, values, options["weights"] = _kernels(options.pop("nan", "error"), centers, **rest)
         deviations, rotations = axes_of_covariances(given, flat=options.get("min_scale") is not None)
         scales = deviations * math.sqrt(2.0 * max(k, 0.0))
         return cls(centers, scales, rotations, values, **options)
@@ -316,7 +342,7 @@ class EllipsoidField(Field):
             (N, 3, 3); the columns of each matrix are the three semi-axes of the support, world units, at right angles
             to each other (cosines of at most 1e-3; the nearest right angles are taken). The sign of a column does not
             matter. A column of length 0 needs `min_scale`.
-        weights, normalization, w0, falloff, min_scale, cell_volume
+        weights, normalization, w0, falloff, min_scale, cell_volume, base, periodic, nan
             As for `EllipsoidField`.
 
         Raises
@@ -326,7 +352,8 @@ class EllipsoidField(Field):
         OutOfMemory
             Where the copies do not fit.
         """
-        given = _rows("frames", frames, "(N, 3, 3) frames", (3, 3))
+        rest = {"frames": frames, "values": values, "weights": options.get("weights")}
+        centers, given, values, options["weights"] = _kernels(options.pop("nan", "error"), centers, **rest)
         scales, rotations = axes_of_frames(given, flat=options.get("min_scale") is not None)
         return cls(centers, scales, rotations, values, **options)
 
@@ -345,6 +372,10 @@ class EllipsoidField(Field):
     cell_volume = Forwarded[float | None](
         "_cell_volume", 'For normalisation "lattice": the volume that one kernel stands for, or None.'
     )
+    periodic = Forwarded[Bounds | None](
+        "_periodic", "The box in which kernels wrap, with ends of 0 along axes that do not wrap; None: no axis wraps."
+    )
+    images = Forwarded[int]("native.images", "Number of images of kernels in a periodic box, which `size` leaves out.")
     isotropic = Forwarded[bool]("native.isotropic", "Whether the kernels were given as spheres.")
     scale_range = Forwarded[tuple[float, float]](
         "native.scale_range", "Smallest and largest semi-axis, world units; 0, 0 without kernels.", tuple
@@ -356,6 +387,24 @@ class EllipsoidField(Field):
     ghost_options = Forwarded[tuple[float, float] | None](
         "_ghost_options", "Distance and weight of its ghost points, or None without them."
     )
+
+    @property
+    def bounds(self) -> Bounds:  # type: ignore[override]
+        """World-aligned box around all supports, within the field's domain: its lower and its upper corner."""
+        box: Bounds = self.native.supports
+        if self.domain is None or not self.size:
+            return box
+        ends = np.clip(box, *self.domain)
+        return triple("bounds", ends[0]), triple("bounds", ends[1])
+
+    def without_end(self) -> EllipsoidField:
+        """Return the kernels without a periodic box, in which images of them would count."""
+        made = self._with(_periodic=None)
+        return self if self._periodic is None else made.with_rows(*(getattr(self.native, name) for name in _ARRAYS))
+
+    def with_images(self) -> EllipsoidField:
+        """Return the kernels and their images in a periodic box, all as kernels of a field that does not end."""
+        return self._with(_periodic=None, native=self.native.with_images())
 
     def weight_at(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the sum W of weights at points (M, 3) in the world, shape (M,): it is small where the data are sparse.
@@ -418,6 +467,13 @@ class EllipsoidField(Field):
                 "a field without",
                 "call with_ghost_points on the field of the data alone",
             )
+        if self._periodic is not None:
+            raise complain(
+                "EllipsoidField: ghost points cannot be added",
+                "a periodic box",
+                "a field with a border",
+                "leave out " + option_ref("periodic"),
+            )
         # The tree of the centres.
         _memory.require(96 * self.size, f"the ghost points of {self.size} kernels", _FEWER)
         owners, places = self.native.ghost_points(away, (_memory.available() - 96 * self.size) // 256)
@@ -427,25 +483,15 @@ class EllipsoidField(Field):
         rotations, weights = self.rotations, self.weights
         if weights is None and mass != 1.0:
             weights = np.ones(self.size)
-        field = EllipsoidField(
+        field = self.with_rows(
             np.concatenate((self.centers, places)),
             np.concatenate((self.scales, self.scales[owners])),
             None if rotations is None else np.concatenate((rotations, rotations[owners])),
             np.concatenate((self.values, np.full(count, self._base))),
-            weights=None if weights is None else np.concatenate((weights, np.full(count, mass))),
-            normalization=self._normalization,  # type: ignore[arg-type]
-            w0=self._w0,
-            falloff=self._falloff,
-            cell_volume=self._cell_volume,
-            base=self._base,
+            None if weights is None else np.concatenate((weights, np.full(count, mass))),
         )
-        field._min_scale = self._min_scale
-        field._quantity, field._opened, field._orientation = self._quantity, self._opened, self._orientation
-        field._trim = self._trim
-        if self._weighting is not None:
-            field._weighting = np.concatenate((self._weighting, np.zeros(count)))
-        field._ghosts, field._ghost_options = count, (away, mass)
-        return field
+        weighting = None if self._weighting is None else np.concatenate((self._weighting, np.zeros(count)))
+        return self._with(native=field.native, _ghosts=count, _ghost_options=(away, mass), _weighting=weighting)
 
     def __repr__(self) -> str:
         """Return a short description."""
@@ -453,7 +499,9 @@ class EllipsoidField(Field):
         thin, long = self.scale_range
         kinds = "spheres" if self.isotropic else "ellipsoids"
         ghosts = f", {self._ghosts} of them ghost points" if self._ghosts else ""
+        base = f", base {self._base:g}" if self._base else ""
+        box = f", periodic in {self._periodic}" if self._periodic else ""
         return (
-            f"EllipsoidField({self.size} {kinds}{ghosts}, semi-axes {thin:g} to {long:g}, values {low:g} to {high:g}, "
-            f"{f'base {self._base:g}, ' if self._base else ''}normalization {self._normalization!r}{self._up_text})"
+            f"EllipsoidField({self.size} {kinds}{ghosts}, semi-axes {thin:g} to {long:g}, values {low:g} to {high:g}"
+            f"{base}{box}, normalization {self._normalization!r}{self._up_text})"
         )

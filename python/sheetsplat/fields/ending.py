@@ -5,7 +5,12 @@ from __future__ import annotations
 import math
 from typing import cast
 
+import numpy as np
+from numpy.typing import NDArray
+
 from sheetsplat._checks import Bounds, Triple
+
+Axes = tuple[Triple, Triple, Triple]
 
 #: Beyond the outermost samples the domain goes on for this part of a layer's distance.
 DOMAIN = 0.5
@@ -27,10 +32,38 @@ def layer_counts(shape: tuple[int, int, int], lattice: str) -> tuple[int, int, i
     return (2 * ni, 2 * nj, nk) if lattice == "bcc" else (ni, nj, nk)
 
 
-def domain(shape: tuple[int, int, int], lattice: str, boundary: str, spacing: Triple, origin: Triple) -> Bounds | None:
-    """Return where a volume ends, its lower and its upper corner; None: nowhere."""
+def steps(lattice: str, spacing: Triple, axes: Axes | None = None) -> NDArray[np.float64]:
+    """Return the steps of i, j and k in the world, the rows of (3, 3)."""
+    if axes is not None:
+        return np.array(axes)
+    a = spacing[0]
+    return np.diag((a, a, 0.5 * a) if lattice == "bcc" else spacing)
+
+
+def heights(steps: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the distances of opposite faces of a cell, (3,), and the unit normals of the faces, (3, 3), as rows."""
+    across = np.linalg.inv(steps).T
+    lengths = np.linalg.norm(across, axis=1)
+    return 1.0 / lengths, across / lengths[:, None]
+
+
+def domain(
+    shape: tuple[int, int, int],
+    lattice: str,
+    boundary: str,
+    spacing: Triple,
+    origin: Triple,
+    axes: Axes | None = None,
+) -> Bounds | None:
+    """Return the box around where a volume ends, its lower and its upper corner; None: nowhere."""
     if not ends(shape, lattice, boundary):
         return None
+    if axes is not None:
+        # Each step moves the corners by its own coordinates, up or down.
+        first = np.asarray(origin) - DOMAIN * np.sum(axes, axis=0)
+        moved = np.multiply(axes, np.reshape(shape[::-1], (3, 1)))
+        corners = first + np.minimum(moved, 0.0).sum(axis=0), first + np.maximum(moved, 0.0).sum(axis=0)
+        return cast(Bounds, tuple(tuple(map(float, corner)) for corner in corners))
     layer = layer_spacing(lattice, spacing)
     beyond = [DOMAIN * step for step in layer]
     last = [(count - 1) * step for count, step in zip(layer_counts(shape, lattice), layer, strict=True)]

@@ -13,13 +13,13 @@ from sheetsplat import _memory, _sheetsplat
 from sheetsplat._checks import Bounds, Triple, Vector, as_array, choice, number, optional_number, triple, truth
 from sheetsplat._properties import Forwarded
 from sheetsplat.errors import complain
-from sheetsplat.fields.base import NOT_OPENED, Field, Normalization
+from sheetsplat.fields import ending
+from sheetsplat.fields.base import NOT_OPENED, Field, NanPolicy, Normalization
 from sheetsplat.fields.samples import ArraySamples, Samples
 from sheetsplat.fields.trim import Trim
 from sheetsplat.quantity import Quantity
 
 Lattice = Literal["cartesian", "bcc"]
-NanPolicy = Literal["error", "skip"]
 Boundary = Literal["edge", "zero"]
 
 BOUNDARIES: tuple[str, ...] = get_args(Boundary)
@@ -31,7 +31,7 @@ PLAIN_KERNEL = (2.0, 5.0)
 # All that a field is made of, beside its samples and coefficients.
 PARTS = (
     *("_spacing", "_origin", "_lattice", "_radius", "_falloff", "_normalization", "_w0", "_nan", "_settled"),
-    *("_boundary", "_base"),
+    *("_boundary", "_base", "_axes"),
 )
 # Kernels that are summed at points in one call: a fraction of a second.
 _SUMMED_AT_ONCE = 1 << 26
@@ -116,6 +116,26 @@ def as_samples(values: ArrayLike, *, contiguous: bool = True) -> NDArray[Any]:
     return np.require(kept, requirements=("C", "A"))
 
 
+def one_place(options: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
+    """Return options of a field with either axes or a spacing: the one that was changed, else the axes if any."""
+    dropped = "spacing" if options["axes"] is not None and changes.get("spacing") is None else "axes"
+    return {name: one for name, one in options.items() if name != dropped}
+
+
+def _axes_of(axes: ArrayLike, spacing: Vector | None) -> tuple[Triple, Triple, Triple]:
+    """Return the steps of i, j and k, the rows of a matrix."""
+    failed = "RegularField: axes cannot be used"
+    rows = as_array(failed, axes, "(3, 3) numbers, the steps of i, j and k as rows")
+    if rows.shape == (9,):
+        rows = rows.reshape(3, 3)
+    if rows.shape != (3, 3):
+        raise complain(failed, f"an array of shape {rows.shape}", "(3, 3), the steps of i, j and k as rows")
+    if spacing is not None:
+        raise complain(failed, "spacing beside axes", "one of the two", "leave out spacing: axes have lengths")
+    i, j, k = (triple("RegularField: axes", row) for row in rows)
+    return i, j, k
+
+
 class RegularField(Field):
     """A Cartesian or body-centred cubic volume. Immutable.
 
@@ -131,6 +151,10 @@ class RegularField(Field):
         World units between samples along x, y, z; for ``lattice="bcc"`` its first entry is the edge a.
     origin
         World position of sample (0, 0, 0).
+    axes
+        (3, 3), in place of `spacing`: rows are the steps of i, j and k in the world, three directions that are not
+        coplanar, of a Cartesian lattice. Sample (i, j, k) is at ``origin + (i, j, k) @ axes``, kernels are spheres in
+        index space, and `spacing` is the length of each step.
     lattice
         "cartesian" or "bcc".
     radius
@@ -163,7 +187,8 @@ class RegularField(Field):
     ------
     InvalidInput
         For empty arrays, other than three axes, other than real numbers, NaN (unless skipped), infinities, a base that
-        is not finite, and for spacing, radius, falloff or w0 that are not positive; with `prefilter` for normalisation
+        is not finite, for axes that are coplanar or given beside `spacing` or for a BCC lattice, and for spacing,
+        radius, falloff or w0 that are not positive; with `prefilter` for normalisation
         "threshold", for any NaN, and for kernels whose sums lose the samples.
     OutOfMemory
         Where the copy of the samples does not fit, or what `prefilter` needs.
@@ -175,14 +200,14 @@ class RegularField(Field):
     (120, (0.5, 0.5, 2.0))
     """
 
-    __slots__ = ("_base", "_boundary", "_lattice", "_nan", "_origin", "_radius", "_settled", "_spacing")
+    __slots__ = ("_axes", "_base", "_boundary", "_lattice", "_nan", "_origin", "_radius", "_settled", "_spacing")
     native: _sheetsplat.RegularField
 
     def __init__(
         self,
         values: ArrayLike,
         *,
-        spacing: Vector = (1.0, 1.0, 1.0),
+        spacing: Vector | None = None,
         origin: Vector = (0.0, 0.0, 0.0),
         lattice: Lattice = "cartesian",
         radius: float = PLAIN_KERNEL[0],
@@ -193,10 +218,11 @@ class RegularField(Field):
         nan: NanPolicy = "error",
         boundary: Boundary = "edge",
         base: float | None = None,
+        axes: ArrayLike | None = None,
     ) -> None:
         self._quantity, self._opened, self._orientation, self._trim = Quantity(), NOT_OPENED, None, Trim()
         self._weighting = None
-        self._spacing = triple("RegularField: spacing", spacing)
+        self._place(axes, spacing)
         self._origin = triple("RegularField: origin", origin)
         self._lattice = choice("RegularField: lattice", lattice, ("cartesian", "bcc"))
         self._radius = number("RegularField: radius", radius)
@@ -214,6 +240,13 @@ class RegularField(Field):
         self.native = self._made(as_samples(values, contiguous=False), prefilter=wanted)
         if self.prefilter:
             self._normalization = "none"
+
+    def _place(self, axes: ArrayLike | None, spacing: Vector | None) -> None:
+        """Set the axes, and the spacing, which is their lengths."""
+        self._axes = None if axes is None else _axes_of(axes, spacing)
+        self._spacing = triple("RegularField: spacing", (1.0, 1.0, 1.0) if spacing is None else spacing)
+        if self._axes is not None:
+            self._spacing = triple("RegularField: axes", np.linalg.norm(self._axes, axis=1))
 
     def _made(
         self,
@@ -245,6 +278,7 @@ class RegularField(Field):
             base=self._base if base is None else base,
             coefficients=coefficients,
             figures=figures,
+            axes=self._axes,
             **of_part,
         )
 
@@ -284,7 +318,7 @@ class RegularField(Field):
         if self.prefilter:
             # The one that it set itself.
             del options["normalization"]
-        made = RegularField(self.values if values is None else values, **{**options, **changes})
+        made = RegularField(self.values if values is None else values, **one_place({**options, **changes}, changes))
         return made._told_by(self)
 
     def _told_by(self, other: RegularField) -> Self:
@@ -304,7 +338,7 @@ class RegularField(Field):
 
         Their axes keep the coordinates of the samples; those of another lattice have none.
         """
-        if self.lattice != lattice:
+        if self.lattice != lattice or self.axes is not None:
             quantity = dataclasses.replace(quantity, axes=())
         return self._with(_quantity=quantity.placed((spacing, self.spacing), (origin, self.origin)))
 
@@ -404,6 +438,9 @@ class RegularField(Field):
         return nk, nj, ni
 
     spacing = Forwarded[Triple]("_spacing", "World units between samples along x, y, z (BCC: the first is the edge a).")
+    axes = Forwarded[tuple[Triple, Triple, Triple] | None](
+        "_axes", "Steps of i, j and k in the world, where they were given in place of the spacing."
+    )
     origin = Forwarded[Triple]("_origin", "World position of sample (0, 0, 0).")
     lattice = Forwarded[str]("_lattice", 'Either "cartesian" or "bcc".')
     radius = Forwarded[float]("_radius", "Radius of a kernel's support, in sample distances.")
@@ -412,10 +449,16 @@ class RegularField(Field):
     given_base = Forwarded[float | None]("_base", "The base that was given, or None.")
 
     @property
+    def steps(self) -> NDArray[np.float64]:
+        """Steps of i, j and k in the world, the rows of (3, 3); odd layers of BCC lie half of i and of j farther."""
+        return ending.steps(self._lattice, self._spacing, self._axes)
+
+    @property
     def domain(self) -> Bounds | None:
-        """World-aligned box where the volume ends: its lower and its upper corner; None where it ends nowhere."""
-        lower, upper = self.native.domain
-        return (lower, upper) if all(a <= b for a, b in zip(lower, upper, strict=True)) else None
+        """World-aligned box around where the volume ends, its lower and its upper corner; None: it ends nowhere."""
+        if self._axes is None:
+            return super().domain
+        return ending.domain(self.shape, self._lattice, self._boundary, self._spacing, self._origin, self._axes)
 
     @property
     def kernels_at_a_point(self) -> float:
@@ -435,11 +478,11 @@ class RegularField(Field):
 
     def inside(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return which points (M, 3) lie in the volume's domain, (M,)."""
-        box = self.domain
-        if box is None:
+        if self._axes is None or self.domain is None:
             return super().inside(points)
-        found: NDArray[np.bool_] = np.all((points >= box[0]) & (points <= box[1]), axis=1)
-        return found
+        places = (points - self._origin) @ np.linalg.inv(self._axes) + ending.DOMAIN
+        within: NDArray[np.bool_] = np.all((places >= 0.0) & (places <= self.shape[::-1]), axis=1)
+        return within
 
     @property
     def _least_divisor(self) -> float | None:
@@ -452,9 +495,10 @@ class RegularField(Field):
         low, high = self.value_range
         counted = f", base {self.base:g}" if self.base else ""
         boundary = ", boundary 'zero'" if self._boundary == "zero" else ""
+        steps = f"spacing {self._spacing}" if self._axes is None else f"axes {self._axes}"
         return (
             f"{type(self).__name__}({ni} x {nj} x {nk} {self.samples.dtype.name}, {self._lattice}, "
-            f"spacing {self._spacing}, values {low:g} to {high:g}{counted}{boundary}"
+            f"{steps}, values {low:g} to {high:g}{counted}{boundary}"
             f"{', prefiltered' if self.prefilter else ''}"
             f"{self._up_text})"
         )

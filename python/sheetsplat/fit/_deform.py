@@ -181,7 +181,8 @@ def free_form_deformation(
             "move control points by less than their distance",
         )
     axes, scales, _ = np.linalg.svd(jacobian @ kernels.shapes())
-    return replace(kernels, centers=centers, scales=scales, rotations=quaternions(axes))
+    # (A box that is bent is none.)
+    return replace(kernels, centers=centers, scales=scales, rotations=quaternions(axes), periodic=None)
 
 
 def _mapped(weights: list[NDArray[Any]], control: Floats) -> Floats:

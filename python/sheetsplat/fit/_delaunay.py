@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory
-from sheetsplat._checks import shown, truth
+from sheetsplat._checks import Bounds, shown, truth
+from sheetsplat._rows import usable_rows
 from sheetsplat.errors import complain, option_ref, unusable
+from sheetsplat.fields import NanPolicy, Periodic, Wrapping, periodic_box
 
 from ._apart import Arrays, computed_apart
 from ._cells import Neighbourhoods, cell_blocks, grid_cells
@@ -28,6 +31,8 @@ _WHAT = "fit.delaunay"
 _RANDOM = 0.745
 # Largest circumradius of tetrahedra on the hull, relative to what is usual at their corners.
 _TRIM = 3.5
+# How far images of points are taken along around a periodic box, in mean distances of points.
+_AROUND = 8.0
 _FEWEST = 5
 # Tetrahedra of a point on average beyond which points lie along curves: random points have 7.
 _MOST_CELLS = 64
@@ -213,6 +218,27 @@ def _used(mask: ArrayLike | None, count: int) -> NDArray[np.bool_] | None:
     return np.asarray(given != 0)
 
 
+def _masked(used: NDArray[np.bool_] | None, points: Any, values: Any) -> tuple[Any, Any]:
+    """Return points and values with 0 for those that are not used."""
+    if used is None:
+        return points, values
+    return np.where(used[:, None], points, 0.0), np.where(used, values, 0.0)
+
+
+def _wrapped(points: Floats, values: Floats, box: Bounds, options: Mapping[str, Any]) -> Kernels:
+    """Return the kernels of points in a periodic box: those of the points among their images around the box."""
+    wrapping = Wrapping(box)
+    place = merge(_WHAT, wrapping.wrapped(points), values)
+    there, count = place.points, len(place.points)
+    extent = np.where(wrapping.sides > 0, wrapping.sides, np.ptp(there, axis=0))
+    spacing = (float(np.prod(np.where(extent > 0, extent, 1.0))) / max(count, 1)) ** (1.0 / 3.0)
+    owners, images = wrapping.images(there, np.minimum(_AROUND * spacing, wrapping.sides))
+    made = delaunay(np.concatenate((there, images)), np.append(place.values, place.values[owners]), **options)
+    arrays = {name: getattr(made, name)[:count] for name in ("centers", "scales", "values", "rotations")}
+    report = {**made.report, "points": len(points), "merged": place.merged}
+    return replace(made, **arrays, report=report, periodic=box)
+
+
 def delaunay(
     points: ArrayLike,
     values: ArrayLike,
@@ -224,6 +250,8 @@ def delaunay(
     lowest: float = 1.1,
     falloff: float = 8.0,
     trim: bool = True,
+    periodic: Periodic = None,
+    nan: NanPolicy = "error",
 ) -> Kernels:
     """Return an ellipsoid for each point, shaped by its neighbours so that the ellipsoids cover without gaps.
 
@@ -272,6 +300,12 @@ def delaunay(
     trim
         For points without a mesh: leave out tetrahedra on the hull whose circumscribed sphere is more than 3.5 times as
         large as is usual at their corners: slivers on flat faces, and gaps that the data do not fill.
+    periodic
+        A box ((x0, y0, z0), (x1, y1, z1)), world units, in which points without a mesh wrap, as for
+        :class:`sheetsplat.EllipsoidField`: neighbours across its faces count.
+    nan
+        What a point is whose position or value is not finite: "error", or "skip", which leaves it out with its cells,
+        and with a `PictureWarning`.
 
     Returns
     -------
@@ -284,8 +318,8 @@ def delaunay(
     Raises
     ------
     InvalidInput
-        For arrays whose sizes disagree, numbers that are not finite (the first is named), fewer than 5 positions, and
-        meshes in a plane or on a line.
+        For arrays whose sizes disagree, numbers that are not finite (the first is named) unless these points are left
+        out, fewer than 5 positions, and meshes in a plane or on a line.
     OutOfMemory
         Where the points are too many for Qhull and the edges, or the system ended the process.
 
@@ -308,12 +342,22 @@ def delaunay(
     count = len(given)
     _memory.require(_BYTES * count, f"the neighbourhoods of {count} points")
     used = _used(mask, count)
-    if used is not None:
-        given = np.where(used[:, None], given, 0.0)
-        flat = data.reshape(-1)
-        data = np.where(used, flat, 0.0) if len(flat) == count else flat
+    data = data.reshape(-1)
+    if len(data) == count:
+        given, data = _masked(used, given, data)
+        kept = usable_rows(_WHAT, {"point": given, "value": data}, nan, row="point")
+        if kept is not None:
+            used = kept if used is None else used & kept
+            given, data = _masked(used, given, data)
     at = places(_WHAT, given)
     field = scalars(_WHAT, data, "values", count)
+    box = periodic_box(_WHAT, periodic)
+    if box is not None:
+        if grid is not None or cells is not None:
+            failed = f"{_WHAT}: the mesh cannot be used"
+            raise complain(failed, "a mesh in a periodic box", "points alone", "leave out " + option_ref("periodic"))
+        shape_options = {"overlap": overlap, "lowest": lowest, "falloff": falloff, "trim": trim}
+        return _wrapped(at if used is None else at[used], field if used is None else field[used], box, shape_options)
     chosen = np.arange(count) if used is None else np.flatnonzero(used)
     blocks = [grid_cells(grid)] if grid is not None else None if cells is None else cell_blocks(cells, count)
     if blocks is not None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sheetsplat._checks import Bounds
 from sheetsplat.errors import complain
 from sheetsplat.fields import EllipsoidField
 from sheetsplat.fields.axes import frames
@@ -65,6 +66,8 @@ class Kernels:
         How sums become the scalar, as for :class:`sheetsplat.EllipsoidField`.
     report
         Counts of merged points and similar numbers; each fit documents its own.
+    periodic
+        The box in which they wrap, as for :class:`sheetsplat.EllipsoidField`; None: they do not.
 
     Examples
     --------
@@ -82,6 +85,7 @@ class Kernels:
     normalization: str = "threshold"
     w0: float = 1.0
     report: Mapping[str, Any] = field(default_factory=dict)
+    periodic: Bounds | None = None
 
     def __post_init__(self) -> None:
         for name in ("centers", "scales", "values", "rotations", "weights"):
@@ -104,7 +108,9 @@ class Kernels:
 
     def field(self, **options: Any) -> EllipsoidField:
         """Return the field of these kernels; `options` of :class:`sheetsplat.EllipsoidField` take precedence."""
-        own: dict[str, Any] = {name: getattr(self, name) for name in ("weights", "normalization", "w0", "falloff")}
+        own: dict[str, Any] = {
+            name: getattr(self, name) for name in ("weights", "normalization", "w0", "falloff", "periodic")
+        }
         return EllipsoidField(self.centers, self.scales, self.rotations, self.values, **{**own, **options})
 
     def shapes(self) -> Floats:
@@ -129,7 +135,7 @@ class Kernels:
         return radius * unit_mass(self.falloff) * (1.0 if self.weights is None else self.weights)
 
     def sums(self, points: ArrayLike) -> tuple[Floats, Floats]:
-        """Return the sums D and W at points, in float64 and from all kernels.
+        """Return the sums D and W at points, in float64 and from all kernels, and their images in a periodic box.
 
         Parameters
         ----------
@@ -147,6 +153,11 @@ class Kernels:
         data, weight = np.zeros(len(at)), np.zeros(len(at))
         if not len(at) or not len(self):
             return data, weight
+        if self.periodic is not None:
+            # (A field counts images.)
+            whole = self.field(normalization="none").with_images()
+            names = ("centers", "scales", "values", "rotations", "weights")
+            return replace(self, periodic=None, **{name: getattr(whole, name) for name in names}).sums(at)
         tree = cKDTree(at)
         reach = self._semi_axes().max(axis=1)
         inverse = self._inverse_shapes()

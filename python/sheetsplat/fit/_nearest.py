@@ -9,16 +9,24 @@ from numpy.typing import ArrayLike
 
 from sheetsplat import _memory
 from sheetsplat.errors import complain, option_ref
+from sheetsplat.fields import NanPolicy, Periodic, Wrapping, periodic_box
 
 from ._kernels import Floats, Kernels
-from ._points import count_of, merge, nearest_neighbours, places, positive, scalars, scaled
+from ._points import count_of, merge, nearest_neighbours, places, positive, scalars, scaled, usable
 
 _WHAT = "fit.nearest"
 _MOST = 256
 
 
 def nearest(
-    points: ArrayLike, values: ArrayLike, *, neighbors: int = 12, overlap: float = 2.0, falloff: float = 8.0
+    points: ArrayLike,
+    values: ArrayLike,
+    *,
+    neighbors: int = 12,
+    overlap: float = 2.0,
+    falloff: float = 8.0,
+    periodic: Periodic = None,
+    nan: NanPolicy = "error",
 ) -> Kernels:
     """Return a sphere for each point, with a radius by the distances of its nearest neighbours.
 
@@ -39,6 +47,12 @@ def nearest(
         Radius in local distances.
     falloff
         k of the kernel's profile.
+    periodic
+        A box ((x0, y0, z0), (x1, y1, z1)), world units, in which points wrap, as for
+        :class:`sheetsplat.EllipsoidField`: neighbours across its faces count.
+    nan
+        What a point is whose position or value is not finite: "error", or "skip", which leaves it out, with a
+        `PictureWarning`.
 
     Returns
     -------
@@ -49,7 +63,8 @@ def nearest(
     Raises
     ------
     InvalidInput
-        For arrays whose sizes disagree, numbers that are not finite (the first is named), and too few positions.
+        For arrays whose sizes disagree, numbers that are not finite (the first is named) unless these points are left
+        out, and too few positions.
     OutOfMemory
         Where the distances do not fit.
 
@@ -59,8 +74,10 @@ def nearest(
     >>> len(ss.fit.nearest(points, points[:, 2], neighbors=8).centers)
     200
     """
-    at = places(_WHAT, points)
-    field = scalars(_WHAT, values, "values", len(at))
+    given = usable(_WHAT, nan, points=points, values=values)
+    box = periodic_box(_WHAT, periodic)
+    at = Wrapping(box).wrapped(places(_WHAT, given["points"]))
+    field = scalars(_WHAT, given["values"], "values", len(at))
     count = count_of(_WHAT, "neighbors", neighbors, 1, _MOST)
     overlap = positive(_WHAT, "overlap", overlap)
     falloff = positive(_WHAT, "falloff", falloff)
@@ -76,7 +93,10 @@ def nearest(
         )
     _memory.require(len(place.points) * (16 * (count + 1) + 200), f"the neighbours of {len(place.points)} points")
     near, size = scaled(place.points)
-    _, distance = nearest_neighbours(near, count)
+    if box is not None:
+        # A tree of a box counts from its lower corner.
+        near, size = place.points - box[0], 1.0
+    _, distance = nearest_neighbours(near, count, sides=None if box is None else Wrapping(box).sides)
     # The mean square distance from the centre of a ball of radius r is 3/5 r^2.
     ball = np.sqrt(5.0 / 3.0 * np.mean(distance**2, axis=1))
     spacing: Floats = ball * (4.0 * math.pi / (3.0 * (count + 1))) ** (1.0 / 3.0) * size
@@ -86,4 +106,5 @@ def nearest(
         values=place.values,
         falloff=falloff,
         report={"points": len(at), "merged": place.merged},
+        periodic=box,
     )

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import as_array, number, shown, whole
-from sheetsplat.errors import complain, option_ref, unusable
+from sheetsplat._rows import usable_rows
+from sheetsplat.errors import Words, complain, option_ref, unusable
 
 from ._kernels import Floats, Numbers
 
@@ -40,7 +41,27 @@ def shown_place(place: Floats) -> str:
     return f"({', '.join(f'{part:g}' for part in place)})"
 
 
-def refuse_entries(what: str, name: str, entries: Floats, wrong: NDArray[np.bool_], wanted: str) -> None:
+def usable(what: str, nan: str, points: ArrayLike, **others: ArrayLike | None) -> dict[str, Any]:
+    """Return arrays, not yet converted, without the rows that have numbers which are not finite; see `usable_rows`.
+
+    None stays. Arrays of another length than the points are the caller's to refuse.
+    """
+    given = {"points": points, **others}
+    found = {name: None if one is None else numbers(what, one, name) for name, one in given.items()}
+    count = np.shape(points)[:1]
+    rows = {name: one for name, one in found.items() if one is not None and count and one.shape[:1] == count}
+    kept = usable_rows(what, {name.removesuffix("s"): one for name, one in rows.items()}, nan, row="point")
+    return found if kept is None else found | {name: one[kept] for name, one in rows.items()}
+
+
+def refuse_entries(
+    what: str,
+    name: str,
+    entries: Floats,
+    wrong: NDArray[np.bool_],
+    wanted: str,
+    advice: str | Words = "remove these entries or correct them",
+) -> None:
     """Raise InvalidInput that names the first wrong entry, if there is one, of positions, (N, 3), or numbers, (N,)."""
     if wrong.any():
         first = int(np.argmax(wrong))
@@ -49,7 +70,7 @@ def refuse_entries(what: str, name: str, entries: Floats, wrong: NDArray[np.bool
             unusable(f"{what}: {name}"),
             f"{found}, entry {first} (and {int(wrong.sum()) - 1} more like it)",
             wanted,
-            "remove these entries or correct them",
+            advice,
         )
 
 
@@ -138,14 +159,16 @@ def merge(what: str, points: Floats, values: Floats) -> Merged:
     return Merged(points[kept], mean, number, merged)
 
 
-def nearest_neighbours(points: Floats, most: int, chosen: Numbers | None = None) -> tuple[Numbers, Floats]:
+def nearest_neighbours(
+    points: Floats, most: int, chosen: Numbers | None = None, sides: Floats | None = None
+) -> tuple[Numbers, Floats]:
     """Return the numbers and the distances of at most so many other points nearest to each, (N, k), nearest first.
 
-    `chosen`: of these points only.
+    `chosen`: of these points only. `sides`: those of a periodic box at the origin, 0 along axes that do not wrap.
     """
     from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 
-    tree = cKDTree(points)
+    tree = cKDTree(points, boxsize=sides)
     wanted = min(most, len(points) - 1) + 1
     # Between the pieces an interrupt is answered.
     asked = points if chosen is None else points[chosen]

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sheetsplat._checks import choice
-from sheetsplat.errors import complain, unusable
+from sheetsplat.errors import complain, option_ref, unusable
+from sheetsplat.fields import NanPolicy, Periodic, periodic_box
 
 from ._kernels import Floats, Kernels, profile, unit_mass
-from ._points import places, positive, refuse_entries, scalars
+from ._points import places, positive, refuse_entries, scalars, usable
 
 _WHAT = "fit.sph"
 
@@ -124,6 +125,9 @@ def sph(
     support: float | None = None,
     masses: ArrayLike | None = None,
     densities: ArrayLike | None = None,
+    min_scale: float | None = None,
+    periodic: Periodic = None,
+    nan: NanPolicy = "error",
 ) -> Kernels:
     """Return a sphere for each SPH particle, with the lowered Gaussian of :class:`SphKernel`.
 
@@ -140,7 +144,7 @@ def sph(
     values
         One for each particle.
     smoothing_lengths
-        One for each particle, world units, above 0.
+        One for each particle, world units, above 0; with `min_scale` at least 0.
     kernel
         Name of the SPH kernel, one of :data:`SPH_KERNELS`.
     support
@@ -148,6 +152,15 @@ def sph(
         lengths are the supports' radii.
     masses, densities
         One for each particle, both or neither; densities above 0, masses at least 0. Only their quotients count.
+    min_scale
+        World units: smaller radii of the Gaussians' supports, also those of 0, are raised to it. Weights follow from
+        the raised ones, so that particles keep their masses.
+    periodic
+        A box ((x0, y0, z0), (x1, y1, z1)), world units, in which kernels wrap, as for
+        :class:`sheetsplat.EllipsoidField`.
+    nan
+        What a particle is that has a number which is not finite: "error", or "skip", which leaves it out, with a
+        `PictureWarning`.
 
     Returns
     -------
@@ -157,7 +170,8 @@ def sph(
     Raises
     ------
     InvalidInput
-        For arrays whose sizes disagree, numbers that are not finite (the first is named), lengths or densities that are
+        For arrays whose sizes disagree, numbers that are not finite (the first is named) unless these particles are
+        left out, lengths or densities that are
         not above 0, no particle, and masses without densities.
 
     Examples
@@ -168,14 +182,23 @@ def sph(
     50
     """
     chosen = SPH_KERNELS[choice(f"{_WHAT}: kernel", kernel, tuple(SPH_KERNELS))]
-    at = places(_WHAT, points)
+    columns = {"points": points, "values": values, "smoothing_lengths": smoothing_lengths}
+    given = usable(_WHAT, nan, **columns, masses=masses, densities=densities)
+    at, masses, densities = places(_WHAT, given["points"]), given["masses"], given["densities"]
     count = len(at)
     if not count:
         raise complain(f"{_WHAT}: the points cannot be used", "no particle", "at least one")
-    data = scalars(_WHAT, values, "values", count)
-    lengths = scalars(_WHAT, smoothing_lengths, "smoothing_lengths", count)
-    refuse_entries(_WHAT, "smoothing_lengths", lengths, ~(lengths > 0.0), "numbers above 0")
+    data = scalars(_WHAT, given["values"], "values", count)
+    lengths = scalars(_WHAT, given["smoothing_lengths"], "smoothing_lengths", count)
     reach = chosen.support if support is None else positive(_WHAT, "support", support)
+    if min_scale is None:
+        advice = "remove these entries, or pass " + option_ref("min_scale", "...") + ", to which radii of 0 are raised"
+        refuse_entries(_WHAT, "smoothing_lengths", lengths, ~(lengths > 0.0), "numbers above 0", advice)
+    else:
+        least = positive(_WHAT, "min_scale", min_scale) * chosen.support / (chosen.radius * reach)
+        # A negative length is a mistake in the data, which a lower limit must not hide.
+        refuse_entries(_WHAT, "smoothing_lengths", lengths, lengths < 0.0, "numbers of at least 0")
+        lengths = np.maximum(lengths, least)
     # h of the kernel's formula.
     scaled = lengths * (reach / chosen.support)
     weights = None
@@ -212,4 +235,5 @@ def sph(
         weights=weights,
         falloff=chosen.falloff,
         report={"points": count, "kernel": chosen.name},
+        periodic=periodic_box(_WHAT, periodic),
     )

@@ -1,11 +1,11 @@
-"""Volumes whose axes a file states: turned so that they are the axes of the world, and made even."""
+"""Where the samples of volumes lie: turned to the axes of the world where theirs are along these, and made even."""
 
 from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import permutations
 from typing import Any
 
@@ -14,61 +14,193 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory, notices
 from sheetsplat._checks import Triple, shown, triple
-from sheetsplat.errors import option_ref
+from sheetsplat.errors import InvalidInput, option_ref
 from sheetsplat.io.checks import Where, unreadable
-from sheetsplat.io.records import Floats
+from sheetsplat.io.records import Floats, Packing, Volume
 from sheetsplat.orientation import Orientation
-from sheetsplat.quantity import Axis
+from sheetsplat.quantity import Axis, Quantity
 
-_ADVICE = "resample the volume to such axes"
 # Largest distance of an even coordinate from its place, in steps: that of float32 degrees to a tenth.
 _UNEVEN = 2e-3
-# Largest cosine between axes at right angles, and entry by which axes differ from those of the world (0.06 degrees).
-_SKEWED = 1e-3
-_TURNED = 1e-3
+# Axes are along the world where no sample moves by more than this share of the least step when they are put there.
+_TURNED = 0.01
+# Smallest volume between three directions of unit length.
+_FLAT_CELL = 1e-6
 # Axes of different units are told where one is this many times as long as another.
 _FLAT = 20.0
 # Resampled axes have at most this many times as many samples.
 _FINER = 4
+# Metres of units of length, and how these are spelled in files.
+_METRES = {"km": 1e3, "m": 1.0, "cm": 1e-2, "mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "Å": 1e-10, "pm": 1e-12,
+           "inch": 0.0254, "ft": 0.3048}  # fmt: skip
+_SPELLINGS = {
+    "µm": ("um", "μm", "\\u00b5m", "micron", "microns", "micrometer", "micrometers", "micrometre", "micrometres"),
+    "Å": ("a", "ang", "angstrom", "angstroms", "ångström", "Å", "\\u00c5"),
+    "inch": ("in", "inches"),
+    "ft": ("foot", "feet"),
+    **{
+        unit: tuple(name + end for name in names for end in ("er", "ers", "re", "res"))
+        for unit, names in {
+            **{"km": ("kilomet",), "m": ("met",), "cm": ("centimet",), "mm": ("millimet",)},
+            **{"nm": ("nanomet",), "pm": ("picomet",)},
+        }.items()
+    },
+}
+# By the first letters of sides of a body.
+_OTHER_SIDE = {"r": "left", "l": "right", "a": "posterior", "p": "anterior", "s": "inferior", "i": "superior"}
+_UNIT_OF = {name: unit for unit, names in _SPELLINGS.items() for name in (unit, *names)}
 
 _log = logging.getLogger("sheetsplat")
 
 
-def along_the_world(
-    path: Where, what: str, steps: Floats, origin: Floats, values: NDArray[Any]
-) -> tuple[NDArray[Any], Triple, Triple]:
-    """Return a volume turned so that its axes are z, y, x of the world, with spacing and origin.
+def unit_of(name: str) -> str:
+    """Return the sign of a unit of length by one of its names; the name itself where it is of another kind."""
+    return _UNIT_OF.get(name, _UNIT_OF.get(name.lower(), name))
+
+
+def settled(where: Where, volume: Volume) -> Volume:
+    """Return a volume as it is shown: `placed`, with its samples unpacked."""
+    volume = placed(where, volume)
+    values = volume.packing.unpacked(volume.values, where)
+    # That NaN stands for missing samples is still known.
+    left = Packing(missing=(math.nan,)) if volume.packing.missing else Packing()
+    return replace(volume, values=values, packing=left)
+
+
+def placed(where: Where, volume: Volume) -> Volume:
+    """Return a volume with its lengths in one unit, and along the axes of the world where its own are along these.
+
+    Samples are not read, copied or interpolated. Axes that are turned or sheared stay as they are, in `axes`.
 
     Parameters
     ----------
-    path, what
-        The file and the entry of its header, for messages.
-    steps
-        (3, 3): each row is the step in the world along an axis of the file, the fastest first. InvalidInput unless
-        each is along an axis of the world.
-    origin
-        World position of the file's first sample.
-    values
-        Samples, the axes in the opposite order of the steps.
+    where
+        The data, for messages.
+    volume
+        Its values may be anything that is transposed and cut like an array.
+
+    Raises
+    ------
+    InvalidInput
+        For directions that are not finite or lie in one plane.
     """
-    wanted = "three directions along the axes of the world"
-    if steps.shape != (3, 3) or not np.all(np.isfinite(steps)):
-        raise unreadable(path, f"{what} {shown(steps.tolist())}", wanted)
-    along = steps != 0
-    if not (np.all(along.sum(axis=0) == 1) and np.all(along.sum(axis=1) == 1)):
-        raise unreadable(path, f"{what} {shown(steps.tolist())}", wanted, _ADVICE)
-    world = along.argmax(axis=1)
-    lengths = steps[np.arange(3), world]
-    file_axis = np.argsort(world)
-    values = values.transpose([2 - file_axis[2], 2 - file_axis[1], 2 - file_axis[0]])
-    first, spacing = origin.copy(), np.ones(3)
+    volume = _in_one_unit(volume)
+    if volume.axes is None:
+        return volume
+    steps, counts = np.asarray(volume.axes, dtype=np.float64), np.asarray(volume.values.shape[::-1])
+    lengths = np.linalg.norm(steps, axis=1) if steps.shape == (3, 3) else np.zeros(3)
+    wanted = "three directions that are finite and do not lie in one plane"
+    if not (np.all(np.isfinite(lengths)) and np.all(lengths > 0) and np.all(np.isfinite(volume.origin))):
+        raise unreadable(where, f"the directions of axes {shown(steps.tolist())}", wanted)
+    units = steps / lengths[:, None]
+    if not abs(np.linalg.det(units)) > _FLAT_CELL:
+        raise unreadable(where, f"the directions of axes {shown(steps.tolist())}", wanted)
+    # The order of axes with the largest sum of cosines.
+    order = max(permutations(range(3)), key=lambda one: sum(abs(units[row, one[row]]) for row in range(3)))
+    plain = np.zeros((3, 3))
+    plain[range(3), order] = np.sign(units[range(3), order]) * lengths
+    if (np.abs(steps - plain).T @ (counts - 1)).max() > _TURNED * lengths.min():
+        told = {"axes": _directions(units, plain / lengths[:, None])}
+        _log.info("%s: %s", where, told["axes"])
+        return replace(volume, axes=steps, spacing=triple("spacing", lengths), details=volume.details | told)
+    axis_of = np.argsort(order)
+    values = volume.values.transpose([2 - axis_of[2], 2 - axis_of[1], 2 - axis_of[0]])
+    first, spacing = np.array(volume.origin), np.ones(3)
     for axis in range(3):
-        step = lengths[file_axis[axis]]
+        step = plain[axis_of[axis], axis]
         if step < 0:
             values = np.flip(values, 2 - axis)
             first[axis] += step * (values.shape[2 - axis] - 1)
         spacing[axis] = abs(step)
-    return values, triple("spacing", spacing), triple("origin", first)
+    return replace(volume, values=values, axes=None, spacing=triple("spacing", spacing), origin=triple("origin", first))
+
+
+def placement(found: Any, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options of a field that say where its samples lie: those that were given, else what the data state.
+
+    A spacing that was given is that along the directions which the data state.
+
+    Parameters
+    ----------
+    found
+        What has `spacing`, `origin` and `axes`: a volume that is `placed`, or a source of bricks.
+    given
+        Options of `sheetsplat.open`.
+    """
+    spacing, origin = given.get("spacing"), given.get("origin", found.origin)
+    if given.get("axes") is not None:
+        return {"axes": given["axes"], "spacing": spacing, "origin": origin}
+    if found.axes is None:
+        return {"spacing": found.spacing if spacing is None else spacing, "origin": origin}
+    rows = np.asarray(found.axes)
+    if spacing is not None:
+        rows = rows * (np.asarray(triple("RegularField: spacing", spacing)) / found.spacing)[:, None]
+    return {"axes": rows, "origin": origin}
+
+
+def in_body(volume: Volume, sides: Sequence[str]) -> Volume:
+    """Return a volume of a body in a space whose axes x, y and z run towards these sides of it.
+
+    x of a left-handed space is negated, as the body would be seen in a mirror; what is no such space states nothing.
+    """
+    try:
+        found = Orientation.anatomical(*sides)
+        left = [{"l": 1.0, "r": -1.0}.get(one[:1].lower(), 0.0) for one in sides]
+        if np.cross(found.up, found.front or ()) @ left > 0:
+            return replace(volume, orientation=found)
+        mirrored = Orientation.anatomical(_OTHER_SIDE[sides[0][:1].lower()], *sides[1:])
+    except InvalidInput:
+        return volume
+    mirror = np.array([-1.0, 1.0, 1.0])
+    steps = np.diag(volume.spacing) if volume.axes is None else np.asarray(volume.axes)
+    told = {"mirrored": f"x is negated: the axes of the file, {'-'.join(sides)}, are left-handed"}
+    return replace(
+        volume,
+        axes=steps * mirror,
+        origin=triple("origin", np.asarray(volume.origin) * mirror),
+        orientation=mirrored,
+        details=volume.details | told,
+    )
+
+
+def _directions(units: Floats, plain: Floats) -> str:
+    """Return how far three directions are off those of the world, and the angles between them where not right."""
+    off = math.degrees(math.acos(min(1.0, float((units * plain).sum(axis=1).min()))))
+    between = [
+        math.degrees(math.acos(max(-1.0, min(1.0, float(units[a] @ units[b]))))) for a, b in ((0, 1), (0, 2), (1, 2))
+    ]
+    text = f"{off:.1f} degrees off those of the world"
+    if max(abs(angle - 90.0) for angle in between) > 0.05:
+        text += ", " + ", ".join(f"{angle:.1f}" for angle in between) + " degrees between i and j, i and k, j and k"
+    return text
+
+
+def _in_one_unit(volume: Volume) -> Volume:
+    """Return a volume whose lengths along x, y and z have one unit, that of x, where all are known."""
+    if not volume.units:
+        return volume
+    units, quantity = [unit_of(one) for one in volume.units], volume.quantity
+    if len(set(units)) == 1:
+        return replace(volume, units=(), quantity=replace(quantity, length_unit=units[0]))
+    if not all(one in _METRES for one in units):
+        # Axes with names of their own are told where their lengths differ much.
+        if all(units) and not quantity.axes:
+            sides = ", ".join(f"{axis} {one}" for axis, one in zip("xyz", units, strict=True))
+            notices.warn(f"the axes have units that are not all lengths ({sides}), which are shown as they are; pass "
+                         + option_ref("spacing", "...") + " to choose their lengths in the picture")  # fmt: skip
+        return replace(volume, units=())
+    factors = np.array([_METRES[one] / _METRES[units[0]] for one in units])
+    told = ", ".join(f"{axis} from {one}" for axis, one in zip("xyz", units, strict=True) if one != units[0])
+    axes = tuple(one._replace(factor=one.factor / by) for one, by in zip(quantity.axes, factors, strict=False))
+    return replace(
+        volume,
+        units=(),
+        axes=None if volume.axes is None else np.asarray(volume.axes) * factors,
+        spacing=triple("spacing", np.asarray(volume.spacing) * factors),
+        origin=triple("origin", np.asarray(volume.origin) * factors),
+        quantity=replace(quantity, length_unit=units[0], axes=axes),
+        details=volume.details | {"converted": f"{told} to {units[0]}"},
+    )
 
 
 @dataclass(frozen=True)
@@ -146,13 +278,6 @@ def on_even_axes(
     return Placed(values, triple("spacing", spacing), triple("origin", origin), details)
 
 
-@dataclass(frozen=True)
-class Turned(Placed):
-    """Samples as in `Placed`, and the orientation of a body in them."""
-
-    orientation: Orientation | None = None
-
-
 def _interpolated(where: Where, values: NDArray[Any], along: int, old: Floats, new: Floats) -> NDArray[Any]:
     """Return the samples at other coordinates along an axis, linear between the nearest two."""
     kind = np.dtype(np.float32 if values.dtype.kind != "f" and values.dtype.itemsize <= 2 else np.float64)
@@ -169,63 +294,11 @@ def _interpolated(where: Where, values: NDArray[Any], along: int, old: Floats, n
     return result
 
 
-def nearest_the_world(
-    path: Where,
-    what: str,
-    steps: Floats,
-    origin: Floats,
-    values: NDArray[Any],
-    orientation: Orientation | None,
-) -> Turned:
-    """Return a volume whose axes are turned against those of the world, with its own axes in the nearest order.
-
-    Where they are not turned, this is `along_the_world`. Otherwise the volume keeps its right-angled axes, each drawn
-    along the axis of the world nearest to it about the middle of the volume, and the orientation is turned instead:
-    nothing is interpolated.
-
-    Parameters
-    ----------
-    path, what, steps, origin, values
-        As for `along_the_world`; axes within 0.06 degrees of those of the world are taken for these.
-    orientation
-        Of the world; None: not known.
-
-    Raises
-    ------
-    InvalidInput
-        For axes that are not at right angles.
-    """
-    lengths = np.linalg.norm(steps, axis=1) if steps.shape == (3, 3) else np.zeros(3)
-    if not (np.all(np.isfinite(lengths)) and np.all(lengths > 0) and np.all(np.isfinite(origin))):
-        raise unreadable(path, f"{what} {shown(steps.tolist())}", "three directions")
-    units = steps / lengths[:, None]
-    if np.abs(units @ units.T - np.eye(3)).max() > _SKEWED:
-        raise unreadable(path, f"{what} {shown(steps.tolist())}", "directions at right angles", _ADVICE)
-    # The order and signs of axes with the largest sum of cosines.
-    order = max(permutations(range(3)), key=lambda one: sum(abs(units[row, one[row]]) for row in range(3)))
-    signs = np.sign(units[range(3), order])
-    plain = np.zeros((3, 3))
-    plain[range(3), order] = signs * lengths
-    # Rows: axes of the world, nearly, in their order; columns: the world.
-    frame = np.zeros((3, 3))
-    frame[order, :] = units * signs[:, None]
-    if np.abs(frame - np.eye(3)).max() <= _TURNED:
-        return Turned(*along_the_world(path, what, plain, origin, values), {}, orientation)
-    half = (np.array(values.shape[::-1]) - 1) / 2.0
-    middle = origin + half @ steps
-    placed = along_the_world(path, what, plain, middle - half @ plain, values)
-    angle = math.degrees(math.acos(min(1.0, max(-1.0, (float(np.trace(frame)) - 1.0) / 2.0))))
-    details = {"turned": f"drawn along its own axes, {angle:.1f} degrees off those of the world"}
-    _log.info("%s: %s", path, details["turned"])
-    if orientation is not None:
-        up = triple("up", frame @ np.asarray(orientation.up))
-        front = None if orientation.front is None else triple("front", frame @ np.asarray(orientation.front))
-        orientation = Orientation(up, front)
-    return Turned(*placed, details, orientation)
-
-
-def tell_units(axes: Sequence[Axis], shape: Sequence[int], spacing: Triple) -> None:
+def tell_units(quantity: Quantity, shape: Sequence[int], spacing: Triple) -> None:
     """Warn of axes x, y, z of different units whose lengths in the picture nobody has chosen; shape is (nk, nj, ni)."""
+    if quantity.length_unit:
+        return
+    axes: Sequence[Axis] = quantity.axes
     lengths = [max(count - 1, 1) * step for count, step in zip(reversed(shape), spacing, strict=True)]
     if len({one.unit for one in axes if one.unit}) > 1 and max(lengths) > _FLAT * min(lengths):
         sides = ", ".join(f"{one.name} {side:g} {one.unit}" for one, side in zip(axes, lengths, strict=True))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +15,11 @@ from numpy.typing import NDArray
 from sheetsplat import _memory
 from sheetsplat._checks import shown
 from sheetsplat.errors import Error, Words, complain, option_ref
-from sheetsplat.io.records import Floats
 
 #: A file, or the name of data in memory, for messages.
 Where = Path | str
 _MOST_NAMES = 60
 _LONGEST_TEXT = 200
-# Rows of a table that are looked at between two answers to Ctrl-C.
-_PIECE = 1 << 18
 
 
 def unreadable(
@@ -41,6 +38,19 @@ def chosen_step(path: Where, count: int, step: int | None) -> int:
             path, f"no step {step or 0} of {count}", f"from 0 to {count - 1}" if count else "one or more", option="step"
         )
     return step or 0
+
+
+def chosen_channel(path: Path, count: int, labels: Sequence[object], name: str | None) -> int:
+    """Return the number of the channel that is asked for by label or number, else of the only one."""
+    if name is None and count == 1:
+        return 0
+    names = [(printable(labels[at]) if at < len(labels) else "") or str(at) for at in range(min(count, 1000))]
+    if name in names:
+        return names.index(name)
+    if name is not None and name.isascii() and name.isdigit() and len(name) < 9 and int(name) < count:
+        return int(name)
+    advice = "pass " + option_ref("name", "...") + ", its label or its number"
+    raise unreadable(path, f"{count} channels: {listed(names)}", "one of them", advice, option="name")
 
 
 def sides(shape: Sequence[int]) -> str:
@@ -93,49 +103,6 @@ def require_rows(path: Where, count: int, columns: int = 8) -> None:
     _memory.require(count * columns * 8, f"{count} points of {path}")
 
 
-def pieces(count: int) -> Iterator[slice]:
-    """Yield the rows of a table in pieces, between which Ctrl-C is answered."""
-    for first in range(0, count, _PIECE):
-        yield slice(first, min(first + _PIECE, count))
-
-
-def _not_finite(rows: Floats) -> tuple[int, int]:
-    """Return how many rows are not finite, and the first one."""
-    wrong, first = 0, 0
-    for piece in pieces(len(rows)):
-        part = rows[piece]
-        if not np.isfinite(part).all():
-            bad = ~np.isfinite(part.reshape(len(part), -1)).all(axis=1)
-            first = first if wrong else piece.start + int(np.argmax(bad))
-            wrong += int(bad.sum())
-    return wrong, first
-
-
-def finite_points(path: Where, points: Floats) -> Floats:
-    """Return the points, or InvalidInput that names the first one that is not finite."""
-    wrong, first = _not_finite(points)
-    if wrong:
-        where = ", ".join(f"{part:g}" for part in points[first])
-        raise unreadable(
-            path, f"{wrong} positions that are not finite, the first at {first}: ({where})", "finite numbers"
-        )
-    return points
-
-
-def finite_values(path: Where, scalar: str, values: Floats, why: str = "", advice: str | Words = "") -> Floats:
-    """Return the values, or InvalidInput that names the first one that is not finite."""
-    wrong, first = _not_finite(values)
-    if wrong:
-        found = f"{wrong} of {values.size} values not finite, the first at {first}: {values[first]:g}"
-        raise complain(
-            f"the scalar {scalar!r} of {path} cannot be used",
-            found + (f" ({why})" if why else ""),
-            "finite numbers",
-            advice or "choose another scalar",
-        )
-    return values
-
-
 def checked_shape(path: Where, sizes: object, what: str) -> tuple[int, ...]:
     """Return `sizes` as positive ints whose product fits 63 bits, or InvalidInput."""
     wanted = "positive whole numbers whose product fits 63 bits"
@@ -166,3 +133,22 @@ def beside(header: Path, name: str) -> Path:
             "put both files into one folder and name the data file without a path",
         )
     return path
+
+
+def require_volume(where: str, shape: Any, dtype: Any) -> None:
+    """Raise InvalidInput unless an array has three axes and real numbers, OutOfMemory where it does not fit."""
+    check_volume(where, shape, dtype)
+    # The array, and the copy that the field keeps.
+    _memory.require(2 * math.prod(map(int, shape)) * np.dtype(dtype).itemsize, where)
+
+
+def check_volume(where: str, shape: Any, dtype: Any) -> None:
+    """Raise InvalidInput unless an array has three axes of known sizes and real numbers."""
+    if len(shape) != 3:
+        advice = "choose one channel or one time step" if len(shape) > 3 else ""
+        raise unreadable(where, f"{len(shape)} axes, shape {tuple(shape)}", "three axes, values[k, j, i]", advice)
+    if np.dtype(dtype).kind not in "biuf":
+        raise unreadable(where, f"values of type {dtype}", "integers, booleans or real floating-point numbers")
+    if not all(math.isfinite(size) for size in shape):
+        advice = "compute the sizes first: compute_chunk_sizes()"
+        raise unreadable(where, f"shape {tuple(shape)}, which is not known yet", "known sizes", advice)

@@ -8,24 +8,26 @@ import logging
 import os
 import pkgutil
 import re
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from sheetsplat.errors import complain
-from sheetsplat.io.source import Folder, Source, opened
+from sheetsplat.io.source import Folder, Source, hdf5_start, opened
 
 _RAW_SUFFIXES = (".raw", ".bin", ".dat", ".img", ".vol")
 _META_SUFFIXES = (".mhd", ".mha")
 _TABLE_SUFFIXES = (".csv", ".tsv", ".txt")
 _MESHIO = (".msh", ".med", ".xdmf", ".xmf")
-_HDF5 = b"\x89HDF\r\n\x1a\n"
 _NETCDF = (b"CDF\x01", b"CDF\x02", b"CDF\x05")
 # Files of a folder by which its format is recognized: where all must be of it, and where others may lie beside them.
 _FEW, _MANY = 3, 200
 _ZIP = (b"PK\x03\x04", b"PK\x05\x06")
 _XML = (b"<?xml", b"<VTKFile", b"<!--", b"<!DOCTYPE")
 _VTK_TYPE = re.compile(rb"<VTKFile[^>]*\stype\s*=\s*[\"']([A-Za-z]{1,40})[\"']")
+# Types of DICOM's elements whose lengths have four bytes, behind two that are not used.
+_LONG_VALUES = (b"OB", b"OW", b"SQ", b"UN", b"UT")
 #: Names of what is read in bricks alone.
 PARQUET = (".parquet", ".pq")
 _IN_BRICKS = "Parquet is read in bricks: by sheetsplat.open_bricks, on the command line with --brick or --workers"
@@ -121,6 +123,10 @@ def _is_vtk_image(source: Source) -> bool:
     return _vtk_kind(source).removeprefix("P") in ("ImageData", "RectilinearGrid")
 
 
+def _is_amr(source: Source) -> bool:
+    return _vtk_kind(source) == "vtkOverlappingAMR"
+
+
 def names_blocks(source: Source) -> bool:
     """Return whether a file is one of blocks or a time series of VTK."""
     return _vtk_kind(source) in ("vtkMultiBlockDataSet", "Collection")
@@ -155,8 +161,32 @@ def _is_nifti(source: Source) -> bool:
     return head[344:348] in (b"n+1\0", b"ni1\0") or head[4:8] in (b"n+2\0", b"ni2\0")
 
 
-def _is_dicom(source: Source) -> bool:
-    return source.head(_HEAD)[128:132] == b"DICM"
+def is_dicom(source: Source) -> bool:
+    """Return whether a file is one of DICOM, also without the 132 bytes before its first element."""
+    head = source.head(_HEAD)
+    return head[128:132] == b"DICM" or (head[:2] in (b"\2\0", b"\b\0") and _has_elements(head))
+
+
+def _has_elements(head: bytes) -> bool:
+    """Return whether bytes begin with three elements of DICOM (PS3.5, section 7.1): rising tags, even lengths."""
+    at, last = 0, (0, 0)
+    for _ in range(3):
+        if len(head) < at + 12:
+            return False
+        tag = struct.unpack_from("<HH", head, at)
+        kind = head[at + 4 : at + 6]
+        if kind.isalpha() and kind.isupper():
+            is_long = kind in _LONG_VALUES
+            length, begin = (
+                struct.unpack_from("<I" if is_long else "<H", head, at + (8 if is_long else 6))[0],
+                8 + 4 * is_long,
+            )
+        else:
+            length, begin = struct.unpack_from("<I", head, at + 4)[0], 8
+        if not (last < tag and 2 <= tag[0] <= 0x10) or length % 2:
+            return False
+        at, last = at + begin + length, tag
+    return True
 
 
 def _is_mrc(source: Source) -> bool:
@@ -165,10 +195,14 @@ def _is_mrc(source: Source) -> bool:
 
 def _hdf5_kind(source: Source) -> str:
     """Return what an HDF5 file holds, as `hdf5_volumes.kind_of` does, "" for other files, and for meshes of MED."""
-    if source.suffix in _MESHIO or not source.head(_HEAD).startswith(_HDF5):
+    if source.suffix in _MESHIO or not _is_any_hdf5(source):
         return ""
     kind: str = pkgutil.resolve_name(_IO + "hdf5_volumes:kind_of")(source)
     return kind
+
+
+def _is_any_hdf5(source: Source) -> bool:
+    return hdf5_start(source) is not None
 
 
 def _is_hdf5(kind: str) -> Callable[[Source], bool]:
@@ -233,11 +267,11 @@ FORMATS: tuple[Format, ...] = (
     _volume("npz", "numpy_files:read_npz", ".npz", _begins(*_ZIP), "name", beats_raw=True),
     _volume("nrrd", "nrrd_files:read", "NRRD", _begins(b"NRRD"), beats_raw=True),
     _volume("metaimage", "metaimage:read", "MetaImage (.mhd, .mha)", _is_metaimage, beats_raw=True),
-    _volume("nifti", "nifti:read", "NIfTI (.nii, .hdr)", _is_nifti, beats_raw=True),
-    _volume("dicom", "dicom:read", "DICOM series (a folder, or one of its files)", _is_dicom, "name",
-            beats_raw=True, recognizes_folder=_some(_is_dicom)),
-    _volume("tiff", "tiff:read", "TIFF stacks (a file, or a folder of slices)", _is_tiff,
-            beats_raw=True, recognizes_folder=_every(_is_tiff)),
+    _volume("nifti", "nifti:read", "NIfTI (.nii, .hdr)", _is_nifti, "step", beats_raw=True, steps="nifti:count_steps"),
+    _volume("dicom", "dicom:read", "DICOM series (a folder, or one of its files)", is_dicom, "name", "step",
+            beats_raw=True, recognizes_folder=_some(is_dicom), steps="dicom:count_steps"),
+    _volume("tiff", "tiff:read", "TIFF stacks (a file, or a folder of slices)", _is_tiff, "name", "step",
+            beats_raw=True, recognizes_folder=_every(_is_tiff), steps="tiff:count_steps"),
     _volume("mrc", "mrc:read", "MRC", _is_mrc, beats_raw=True),
     _volume("openvdb", "vdb:read", "OpenVDB", _begins(b" BDV\0\0\0\0"), "name", beats_raw=True),
     _volume("netcdf", "netcdf:read", "NetCDF", _is_netcdf, "name", "resample", "step",
@@ -247,11 +281,11 @@ FORMATS: tuple[Format, ...] = (
     _scattered("vtkhdf", "vtk_hdf:read", "VTKHDF meshes", _is_hdf5("vtkhdf"), "scalar", "step",
                steps="vtk_hdf:count_steps"),
     _volume("hdf5 volume", "hdf5_volumes:read", "HDF5 with volumes (FILE:/dataset)", _is_hdf5("volume"), "name",
-            parts=True),
+            "step", "resample", parts=True, steps="hdf5_volumes:count_steps"),
     _volume("zarr", "zarr_folders:read", "Zarr and OME-Zarr (FOLDER:/array)", _never, "name", "step",
-            recognizes_folder=_is_zarr, parts=True, steps="zarr_folders:count_steps"),
+            "resample", recognizes_folder=_is_zarr, parts=True, steps="zarr_folders:count_steps"),
     _scattered("meshio", "meshio_files:read", "Gmsh (.msh), MED, XDMF", _is_of_meshio, "scalar"),
-    _scattered("hdf5", "sph_hdf5:read", "HDF5 with particles", _begins(_HDF5), "scalar", "particles", "support"),
+    _scattered("hdf5", "sph_hdf5:read", "HDF5 with particles", _is_any_hdf5, "scalar", "particles", "support"),
     _scattered("mesh", "triangle_meshes:read", ".obj and .ply of closed meshes", _is_mesh),
     _scattered("ply", "gaussian_ply:read", ".ply of 3D Gaussian Splatting", _begins(b"ply\n", b"ply\r"), "scalar"),
     _volume("vti", "vtk_xml.images:read", ".vti, .vtr, .pvti, .pvtr", _is_vtk_image, "name", "resample"),
@@ -259,6 +293,7 @@ FORMATS: tuple[Format, ...] = (
             "name", "resample", "step", parts=True, steps="vtk_xml.blocks:steps"),
     _scattered("vtm", "vtk_xml.blocks:read", ".vtm and .pvd of meshes (FILE.vtm:/block)", _is_of_blocks(scattered=True),
                "scalar", "step", parts=True, steps="vtk_xml.blocks:steps"),
+    _scattered("vtk amr", "vtk_xml.amr:read", ".vthb", _is_amr, "scalar"),
     _scattered("vtk", "vtk_xml.meshes:read", ".vtu, .vts, .vtp, .pvtu, .pvts, .pvtp", _is_vtk_xml, "scalar"),
     _volume("vtk legacy image", "vtk_legacy:read_volume", ".vtk of images and rectilinear grids", _is_legacy("volume"),
             "name", "resample"),

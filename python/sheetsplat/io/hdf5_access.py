@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sheetsplat import _memory
 from sheetsplat._checks import shown
 from sheetsplat.io.checks import unreadable
-from sheetsplat.io.source import DEFLATE_RATIO, Source
+from sheetsplat.io.source import DEFLATE_RATIO, Source, hdf5_start
 
 _MOST_LINKS = 16
 _MOST_ENTRIES = 10_000
@@ -41,7 +41,8 @@ class _Superblock:
 
 
 def _superblock(source: Source) -> _Superblock:
-    head = source.head(64)
+    start = hdf5_start(source) or 0
+    head = source.head(start + 64)[start:]
     version = head[8] if len(head) > 14 else -1
     if version in (0, 1):
         width, lengths, at = head[13], head[14], 24 if version == 0 else 28

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
+from collections.abc import Hashable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,17 +18,18 @@ from sheetsplat import _memory
 from sheetsplat._checks import shown, triple
 from sheetsplat.errors import option_ref
 from sheetsplat.io import vtk_hdf
-from sheetsplat.io.checks import floats, listed, printable, unreadable
+from sheetsplat.io.cf import READ, Coordinate, NamedArray, dimension_names
+from sheetsplat.io.checks import Where, floats, listed, printable, unreadable
 from sheetsplat.io.hdf5_access import attribute, check_stored, checked, inside, read_dataset, seekable, walk
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
-from sheetsplat.quantity import Quantity
+from sheetsplat.io.stored import LazySamples
 
 _NETCDF_SUFFIXES = (".nc", ".nc4", ".cdf", ".netcdf")
 
 
 def _is_volume(one: Any) -> bool:
-    return one.ndim >= 3 and sum(size > 1 for size in one.shape) <= 3 and one.dtype.kind in "biuf"
+    return one.ndim >= 3 and one.dtype.kind in "biuf"
 
 
 def kind_of(source: Source) -> str:
@@ -46,19 +51,67 @@ def kind_of(source: Source) -> str:
         return "particles"
 
 
-def read(source: Source, name: str | None = None) -> Volume:
+def _attributes(one: Any) -> dict[str, Any]:
+    found = {name: told for name in READ if (told := attribute(one, name, 16)) is not None}
+    return {name: told.decode("utf-8", "replace") if isinstance(told, bytes) else told for name, told in found.items()}
+
+
+def named(where: Where, one: Any) -> NamedArray:
+    """Return a dataset with the dimension scales that are attached to it, of which no sample is read yet."""
+    path = Path(where)
+    titles: list[str] = []
+    scales: list[Any] = []
+    for number, size in enumerate(one.shape):
+        along = one.dims[number]
+        scale = along[0] if len(along) else None
+        if not (isinstance(scale, h5py.Dataset) and scale.shape == (size,) and scale.dtype.kind in "iuf"):
+            scale = None
+        titles.append(printable(along.label) or ("" if scale is None else str(scale.name).rsplit("/", 1)[-1]))
+        scales.append(scale)
+    dimensions = dimension_names(titles)
+    coordinates: dict[Hashable, Coordinate] = {
+        name: Coordinate(read_dataset(path, scale, str(scale.name)), _attributes(scale))
+        for name, scale in zip(dimensions, scales, strict=True)
+        if scale is not None
+    }
+    name = str(one.name).rsplit("/", 1)[-1]
+    samples = LazySamples.of(partial(_part_of, path, one), one.dtype, one.shape)
+    return NamedArray(where, name, dimensions, samples, _attributes(one), coordinates)
+
+
+def _part_of(path: Path, one: Any, index: tuple[int | slice, ...]) -> NDArray[Any]:
+    check_stored(path, one, str(one.name))
+    count = math.prod(one.shape[axis] if one_cut == slice(0, one.shape[axis]) else _length(one_cut)
+                      for axis, one_cut in enumerate(index))  # fmt: skip
+    # A chunk is unpacked as a whole.
+    _memory.require((count + math.prod(one.chunks or (0,))) * one.dtype.itemsize, f"{one.name} of {path}")
+    return np.asarray(one[index])
+
+
+def _length(cut: int | slice) -> int:
+    return 1 if isinstance(cut, int) else cut.stop - cut.start
+
+
+def read(source: Source, name: str | None = None, step: int | None = None, resample: bool = False) -> Volume:
     """Read a dataset with three axes, those of size 1 aside: FILE:/dataset or `name`, else the only one.
 
-    An attribute ``element_size_um`` (z, y, x) gives the spacing; ``long_name`` and ``units`` label the colour bar.
+    An attribute ``element_size_um`` (z, y, x) gives the spacing. Dimension scales, ``long_name``, ``units`` and packed
+    numbers are those of the CF conventions; see `cf.NamedArray`. Of a dataset with a dimension of time as well, `step`
+    is one of its steps, from 0 on.
 
     Raises InvalidInput where there is none or more than one, for links to other files, and for sizes beyond what is
     stored.
     """
     with h5py.File(checked(source), "r") as file:
         chosen = _chosen(source, file, name)
-        values = read_dataset(source.path, chosen, str(chosen.name))
-        values = values.reshape([size for size in values.shape if size > 1] if values.ndim > 3 else values.shape)
-        return _told(source.path, chosen, values.reshape((1,) * (3 - values.ndim) + values.shape))
+        one = named(source.path, chosen).at_step(step)
+        return _told(source.path, chosen, one.read("hdf5", resample=resample))
+
+
+def count_steps(source: Source, name: str | None = None) -> int:
+    """Return the number of time steps of a dataset."""
+    with h5py.File(checked(source), "r") as file:
+        return named(source.path, _chosen(source, file, name)).steps
 
 
 def _chosen(source: Source, file: Any, name: str | None) -> Any:
@@ -72,55 +125,41 @@ def _chosen(source: Source, file: Any, name: str | None) -> Any:
         if not isinstance(chosen, h5py.Dataset) or not _is_volume(chosen):
             found = f"no dataset {shown(wanted)} of real numbers with three axes"
             raise unreadable(path, found, f"one of: {names}" if known else "one")
+        check_stored(path, chosen, str(chosen.name))
         return chosen
     if len(known) == 1:
+        check_stored(path, known[0], str(known[0].name))
         return known[0]
-    advice = f"choose one, {path.name}:{known[0].name}, or pass " + option_ref("name", "...")
+    # The one with the most dimensions is meant more often than the first one.
+    best = max(known, key=lambda one: (one.ndim, one.size), default=None)
+    advice = f"choose one, {path.name}:{best.name}, or pass " + option_ref("name", "...") if best is not None else ""
     raise unreadable(path, f"{len(known)} datasets with three axes: {names}", "one of them", advice)
 
 
-def _told(path: Path, chosen: Any, values: NDArray[Any]) -> Volume:
-    """Return samples as a volume, with what the attributes of the dataset say."""
-    title = str(chosen.name).rsplit("/", 1)[-1]
-    label = printable(attribute(chosen, "long_name")) or printable(title)
-    quantity = Quantity(label, printable(attribute(chosen, "units")))
+def _told(path: Path, chosen: Any, volume: Volume) -> Volume:
+    """Return a volume with the place of its dataset, and with the spacing that an attribute of this states."""
+    volume = replace(volume, details=volume.details | {"content": str(chosen.name)})
     size = attribute(chosen, "element_size_um")
-    spacing = (1.0, 1.0, 1.0)
-    if size is not None:
-        steps = floats(path, "element_size_um", size, 3)[::-1]
-        if min(steps) <= 0:
-            raise unreadable(path, f"element_size_um = {shown(size)}", "three numbers above 0")
-        spacing = triple("element_size_um", steps)
-        quantity = Quantity(quantity.name, quantity.unit, "µm")
-    return Volume(values, spacing, format="hdf5", details={"content": str(chosen.name)}, quantity=quantity)
+    if size is None:
+        return volume
+    steps = floats(path, "element_size_um", size, 3)[::-1]
+    if min(steps) <= 0:
+        raise unreadable(path, f"element_size_um = {shown(size)}", "three numbers above 0")
+    return replace(volume, spacing=triple("element_size_um", steps), units=("µm",) * 3)
 
 
-def locate(source: Source, name: str | None = None) -> Volume:
-    """Return what `read` reads without its samples: they stand for themselves by shape and type alone."""
+def locate(source: Source, name: str | None = None, step: int | None = None) -> Volume:
+    """Return what `read` reads without its samples, which any process with the same file reads."""
     with h5py.File(checked(source), "r") as file:
         chosen = _chosen(source, file, name)
-        check_stored(source.path, chosen, str(chosen.name))
-        sizes = [size for size in chosen.shape if size > 1] if chosen.ndim > 3 else list(chosen.shape)
-        shape = (1,) * (3 - len(sizes)) + tuple(sizes)
-        return _told(source.path, chosen, np.broadcast_to(np.zeros((), chosen.dtype), shape))
+        one = named(source.path, chosen).at_step(step)
+        fetch = partial(_part, Path(os.path.abspath(source.path)), str(chosen.name))
+        return _told(source.path, chosen, replace(one, samples=replace(one.samples, fetch=fetch)).volume("hdf5"))
 
 
-def read_part(source: Source, name: str, box: tuple[tuple[int, int], ...]) -> NDArray[Any]:
-    """Return the samples of a box, ((k0, k1), (j0, j1), (i0, i1)), of a dataset."""
-    with h5py.File(seekable(source), "r") as file:
-        one = inside(source.path, file, name)
-        if not isinstance(one, h5py.Dataset) or not _is_volume(one):
-            raise unreadable(source.path, f"no dataset {shown(name)} any more", "the file as it was opened")
-        check_stored(source.path, one, name)
-        count = math.prod(last - first for first, last in box)
-        _memory.require((count + math.prod(one.chunks or (0,))) * one.dtype.itemsize, f"a brick of {source.path}")
-        # Axes of one sample stand beside the three; a volume may have axes of one sample itself.
-        spare, cuts = one.ndim - 3, [slice(first, last) for first, last in box]
-        if spare <= 0:
-            return np.asarray(one[tuple(cuts[-one.ndim :])])
-        large = [axis for axis, size in enumerate(one.shape) if size > 1]
-        index: list[Any] = [0] * one.ndim
-        for axis, cut in zip(large, cuts[3 - len(large) :], strict=True):
-            index[axis] = cut
-        found = np.asarray(one[tuple(index)])
-        return found.reshape((1,) * (3 - found.ndim) + found.shape)
+def _part(path: Path, name: str, index: tuple[int | slice, ...]) -> NDArray[Any]:
+    with Source(path, name) as source, h5py.File(seekable(source), "r") as file:
+        one = inside(path, file, name)
+        if not isinstance(one, h5py.Dataset) or one.ndim != len(index):
+            raise unreadable(path, f"no dataset {shown(name)} any more", "the file as it was opened")
+        return _part_of(path, one, index)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sheetsplat._checks import choice, number
 from sheetsplat.errors import complain, option_ref
-from sheetsplat.fields import EllipsoidField
+from sheetsplat.fields import EllipsoidField, Periodic
 from sheetsplat.io.checks import listed
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.options.data import FITS
@@ -64,6 +64,7 @@ def field_of(
     falloff: float | None = None,
     min_scale: float | None = None,
     base: float | None = None,
+    periodic: Periodic = None,
     logarithmic: bool | float = False,
 ) -> EllipsoidField:
     """Return a field of ellipsoids.
@@ -78,7 +79,7 @@ def field_of(
         need `fit` or `neighbors`.
     neighbors
         Of "nearest".
-    normalization, w0, falloff, min_scale, base
+    normalization, w0, falloff, min_scale, base, periodic
         As for `EllipsoidField`; from the file unless given.
     logarithmic
         True or a floor: show the `logarithm`.
@@ -99,7 +100,9 @@ def field_of(
         w0=data.w0 if w0 is None else w0,
         min_scale=min_scale,
         base=data.base if base is None else base,
+        periodic=data.periodic if periodic is None else periodic,
     )
+    box = given(periodic=options.get("periodic"))
     if how == "own" and data.supports is None:
         scales = data.scales
         if data.deviations is not None:
@@ -115,11 +118,13 @@ def field_of(
             raise complain(option_ref("falloff") + " cannot be used", found, wanted, "leave it out")
         both = data.masses is not None and data.densities is not None
         volumes: dict[str, Any] = {"masses": data.masses, "densities": data.densities} if both else {}
-        kernels = fits.sph(data.points, values, data.supports, support=1.0, **volumes)
+        kernels = fits.sph(data.points, values, data.supports, support=1.0, min_scale=min_scale, **volumes, **box)
     elif how == "nearest":
-        kernels = fits.nearest(data.points, values, **decay, **given(neighbors=neighbors))
+        kernels = fits.nearest(data.points, values, **decay, **box, **given(neighbors=neighbors))
     else:
-        kernels = fits.delaunay(data.points, values, cells=data.cells, **decay)
+        # The neighbours in a mesh are those that it says.
+        around = box if data.cells is None else {}
+        kernels = fits.delaunay(data.points, values, cells=data.cells, **decay, **around)
     _log.info("%s: %s", data.format, kernels)
     return kernels.field(**options).with_orientation(data.orientation)
 

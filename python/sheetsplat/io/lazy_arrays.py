@@ -2,42 +2,49 @@
 
 from __future__ import annotations
 
-import math
-from pathlib import PurePosixPath
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from sheetsplat import _memory
-from sheetsplat.io.checks import printable, unreadable
+from sheetsplat.io.cf import READ, NamedArray, dimension_names
+from sheetsplat.io.checks import Where, check_volume
 from sheetsplat.io.records import Volume
-from sheetsplat.quantity import Quantity
+from sheetsplat.io.stored import LazySamples
 
 
-def require_volume(where: str, shape: Any, dtype: Any) -> None:
-    """Raise InvalidInput unless an array has three axes and real numbers, OutOfMemory where it does not fit."""
-    check_volume(where, shape, dtype)
-    # The array, and the copy that the field keeps.
-    _memory.require(2 * math.prod(map(int, shape)) * np.dtype(dtype).itemsize, where)
+def part_of(array: Any, index: tuple[int | slice, ...], **how: str) -> Any:
+    """Return a part of an array; what dask holds is computed, `how` its scheduler is told."""
+    part = array[index]
+    part = part.data if hasattr(part, "dims") else part
+    return part.compute(**how) if hasattr(part, "compute") else part
 
 
-def check_volume(where: str, shape: Any, dtype: Any) -> None:
-    """Raise InvalidInput unless an array has three axes of known sizes and real numbers."""
-    if len(shape) != 3:
-        advice = "choose one channel or one time step" if len(shape) > 3 else ""
-        raise unreadable(where, f"{len(shape)} axes, shape {tuple(shape)}", "three axes, values[k, j, i]", advice)
-    if np.dtype(dtype).kind not in "biuf":
-        raise unreadable(where, f"values of type {dtype}", "integers, booleans or real floating-point numbers")
-    if not all(math.isfinite(size) for size in shape):
-        advice = "compute the sizes first: compute_chunk_sizes()"
-        raise unreadable(where, f"shape {tuple(shape)}, which is not known yet", "known sizes", advice)
+def named(data: Any, where: Where) -> NamedArray:
+    """Return an array with what it says about itself, of which no sample is read yet."""
+    module = type(data).__module__.partition(".")[0]
+    if module == "h5py":
+        from sheetsplat.io.hdf5_volumes import named as named_dataset
 
-
-def read(data: Any, where: str) -> Volume:
-    """Return an array with three axes, [k, j, i], as a volume; what the array is called becomes the quantity's name."""
-    require_volume(where, data.shape, data.dtype)
-    values = data.compute() if hasattr(data, "compute") else data[()]
+        one = named_dataset(where, data)
+        return replace(one, samples=replace(one.samples, fetch=partial(part_of, data)))
+    told = dict(getattr(data, "attrs", {})) if module == "zarr" else {}
+    names = getattr(getattr(data, "metadata", None), "dimension_names", None) or told.get("_ARRAY_DIMENSIONS")
+    if not names or len(names) != len(data.shape):
+        names = [None] * len(data.shape)
+    check_volume(str(where), data.shape, data.dtype)
+    samples = LazySamples.of(partial(part_of, data), data.dtype, data.shape)
     # Names that dask makes up say nothing.
-    name = PurePosixPath(str(getattr(data, "name", None) or "")).name if not hasattr(data, "compute") else ""
-    quantity = Quantity(printable(name))
-    return Volume(np.asarray(values), format=type(data).__module__.partition(".")[0], quantity=quantity)
+    name = "" if module == "dask" else str(getattr(data, "name", None) or "").rpartition("/")[2]
+    one = NamedArray(where, name, dimension_names(names), samples, {key: told[key] for key in READ if key in told})
+    root = getattr(getattr(data, "store", None), "root", None)
+    if root is not None:
+        from sheetsplat.io.zarr_folders import placed_beside
+
+        return placed_beside(Path(root) / data.path, one)
+    return one
+
+
+def read(data: Any, where: Where) -> Volume:
+    """Return an array as a volume: [k, j, i], or by the names of its dimensions."""
+    return named(data, where).read(type(data).__module__.partition(".")[0])

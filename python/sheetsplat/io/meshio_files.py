@@ -11,7 +11,6 @@ import contextlib
 import importlib
 import io
 from collections.abc import Iterable, Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import h5py  # type: ignore[import-untyped, unused-ignore]
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import shown
-from sheetsplat.io.checks import beside, finite_points, require_rows, unreadable
+from sheetsplat.io.checks import Where, beside, require_rows, unreadable
 from sheetsplat.io.hdf5_access import checked, inside, walk
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.sandbox import Array, read_apart
@@ -108,7 +107,7 @@ def _arrays_of(mesh: Any) -> Iterator[Array]:
         yield from ((("cell_data", str(name)), np.asarray(values)) for values in blocks)
 
 
-def _cells(blocks: Sequence[tuple[str, NDArray[Any]]], points: int, path: Path) -> Cells:
+def _cells(blocks: Sequence[tuple[str, NDArray[Any]]], points: int, path: Where) -> Cells:
     lists: list[tuple[NDArray[np.int64], NDArray[np.int64]]] = []
     types = [np.empty(0, np.int64)]
     for kind, rows in blocks:
@@ -145,17 +144,25 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
 
     Raises InvalidInput for damaged files, and for files that name others outside of their folder.
     """
-    path = source.path
     _check(source)
-    kind = MODULES[source.suffix]
+    return _scattered(source.path, _read(source), scalar, MODULES[source.suffix])
+
+
+def read_mesh(mesh: Any, where: Where, scalar: str | None = None) -> Scattered:
+    """Return a meshio.Mesh: its points, or the middles of its cells; raises InvalidInput for unknown scalars."""
+    return _scattered(where, _arrays_of(mesh), scalar, "meshio")
+
+
+def _scattered(path: Where, given: Iterable[Array], scalar: str | None, kind: str) -> Scattered:
+    """Return the mesh of its arrays, as `sandbox.read_apart` returns them."""
     found: dict[str, list[tuple[str, NDArray[Any]]]] = {}
-    for key, values in _read(source):
+    for key, values in given:
         found.setdefault(key[0], []).append((key[-1], values))
     points: Floats = np.asarray(found["points"][0][1], dtype=np.float64)
     if points.ndim != 2 or not 1 <= points.shape[1] <= 3:
         raise unreadable(path, f"points of shape {points.shape}", "(N, 3)")
     require_rows(path, len(points))
-    points = finite_points(path, np.pad(points, ((0, 0), (0, 3 - points.shape[1]))))
+    points = np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
     cells = _cells(found.get("cells", []), len(points), path)
     arrays: dict[str, tuple[bool, NDArray[Any]]] = {}
     for name, values in found.get("point_data", []):

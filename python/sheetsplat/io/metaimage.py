@@ -8,17 +8,19 @@ from __future__ import annotations
 
 import io
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from sheetsplat.errors import InvalidInput
-from sheetsplat.io.axes import along_the_world
+from sheetsplat import notices
+from sheetsplat._checks import triple
+from sheetsplat.io.axes import in_body
 from sheetsplat.io.checks import beside, checked_shape, floats, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
-from sheetsplat.orientation import PATIENT, Orientation
+from sheetsplat.orientation import PATIENT
 from sheetsplat.quantity import Quantity
 
 _HEADER_LIMIT = 1 << 16
@@ -75,8 +77,8 @@ def _dtype(path: Path, fields: dict[str, str]) -> np.dtype[Any]:
 
 def _check_supported(path: Path, fields: dict[str, str]) -> None:
     for name, default, wanted, advice in (
-        ("NDims", "(none)", "3", ""),
-        ("ElementNumberOfChannels", "1", "1", "choose one channel"),
+        ("NDims", "(none)", "3", "choose one time step, and write it to a file of its own"),
+        ("ElementNumberOfChannels", "1", "1", "choose one channel, and write it to a file of its own"),
     ):
         if fields.get(name, default) != wanted:
             raise unreadable(path, f"{name} = {fields.get(name, default)}", wanted, advice)
@@ -84,21 +86,17 @@ def _check_supported(path: Path, fields: dict[str, str]) -> None:
         raise unreadable(path, "BinaryData = False", "binary samples", "convert the file to binary samples")
 
 
-def _orientation(fields: dict[str, str], *, turned: bool) -> Orientation | None:
-    """Return which way up the world of a file is, or None where it does not say.
+def _in_body(volume: Volume, fields: dict[str, str], *, turned: bool) -> Volume:
+    """Return a volume in the space of its file.
 
     ITK's world runs to the left, the back and the head of a patient, and ITK writes the sides that the axes of the file
     come from: RAI for the axes of that world. Other letters beside axes that are not turned are those of the format's
-    own definition: the sides that the axes run to.
+    own definition: the sides that the axes run to; "???" is "not known".
     """
     letters = fields.get("AnatomicalOrientation", "").strip()
     if turned or letters.upper() == "RAI":
-        return PATIENT
-    try:
-        return Orientation.anatomical(*letters)
-    except InvalidInput:
-        # "???" is "not known".
-        return None
+        return replace(volume, orientation=PATIENT)
+    return in_body(volume, letters)
 
 
 def read(source: Source, *, located: bool = False) -> Volume:
@@ -135,10 +133,19 @@ def read(source: Source, *, located: bool = False) -> Volume:
     else:
         with Source(beside(path, name)) as other:
             values = other.samples(dtype, count, 0, encoding=encoding, skip=skip, located=located)
-    steps = np.reshape(matrix, (3, 3)) * np.abs(spacing)[:, np.newaxis]
-    placed = along_the_world(path, "TransformMatrix", steps, np.asarray(origin), values.reshape(sizes[::-1]))
+    if any(floats(path, "CenterOfRotation", fields.get("CenterOfRotation", "0 0 0"), 3)):
+        # ITK turns volumes about the first sample, and writes 0 here.
+        notices.warn(f"{path}: CenterOfRotation = {fields['CenterOfRotation']} is not used")
     details = {name.lower(): fields[name][:_LONGEST] for name in _TOLD if fields.get(name, "") not in _NOTHING}
-    return Volume(*placed, "metaimage", details, _quantity(fields, dtype), _orientation(fields, turned=turned))
+    volume = Volume(
+        values.reshape(sizes[::-1]),
+        origin=triple("origin", origin),
+        format="metaimage",
+        details=details,
+        quantity=_quantity(fields, dtype),
+        axes=np.reshape(matrix, (3, 3)) * np.abs(spacing)[:, np.newaxis],
+    )
+    return _in_body(volume, fields, turned=turned)
 
 
 def _quantity(fields: dict[str, str], dtype: np.dtype[Any]) -> Quantity:

@@ -6,18 +6,20 @@ mrcfile knows the header. Samples are read here, because mrcfile decompresses wi
 from __future__ import annotations
 
 import math
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from sheetsplat._checks import triple
-from sheetsplat.io.axes import along_the_world
+from sheetsplat._checks import shown, triple
 from sheetsplat.io.checks import checked_shape, floats, printable, unreadable
-from sheetsplat.io.records import Volume
+from sheetsplat.io.records import Floats, Volume
 from sheetsplat.io.source import Source
 from sheetsplat.quantity import Quantity
 
 _STACKS = 401
 _HEADER = 1024
+_ANGLES = ("alpha", "beta", "gamma")
 
 
 def read(source: Source) -> Volume:
@@ -49,7 +51,7 @@ def read(source: Source) -> Volume:
     lengths = np.array([header["cella"][axis] for axis in "xyz"], dtype=np.float64)
     samples = np.array([header[name] for name in ("mx", "my", "mz")], dtype=np.float64)
     known = bool(np.all(np.isfinite(lengths)) and np.all(lengths > 0) and np.all(samples > 0))
-    steps = lengths / samples if known else np.ones(3)
+    steps = _cell(path, header, lengths) / samples[:, None] if known else np.eye(3)
     axes = [int(header[name]) - 1 for name in ("mapc", "mapr", "maps")]
     if axes == [-1, -1, -1]:
         axes = [0, 1, 2]
@@ -59,16 +61,31 @@ def read(source: Source) -> Volume:
     origin = np.array(floats(path, "origin", [header["origin"][axis] for axis in "xyz"], 3))
     if not origin.any():
         # Older files place the first sample by its number.
-        origin[axes] = starts * steps[axes]
-    turned, spacing, first = along_the_world(
-        path, "mapc, mapr, maps", np.eye(3)[axes] * steps[axes][:, None], origin, values
-    )
+        origin = starts @ steps[axes]
     label = printable(bytes(header["label"][0]).rstrip(b"\0 ")) if int(header["nlabl"]) > 0 else ""
     return Volume(
-        turned,
-        spacing,
-        triple("origin", first),
-        "mrc",
-        {"content": label} if label else {},
-        Quantity("density", "", "Å" if known else ""),
+        values,
+        origin=triple("origin", origin),
+        format="mrc",
+        details={"content": label} if label else {},
+        quantity=Quantity("density", "", "Å" if known else ""),
+        axes=steps[axes],
     )
+
+
+def _cell(path: Path, header: Any, lengths: Floats) -> Floats:
+    """Return the edges a, b, c of the cell as rows: a along x, b in the plane of x and y; angles of 0 are not known."""
+    angles = np.array(floats(path, "angles of the cell", [header["cellb"][name] for name in _ANGLES], 3))
+    if not angles.any():
+        angles[:] = 90.0
+    # Sines and cosines of right angles are those of right angles.
+    cosines = np.where(angles == 90.0, 0.0, np.cos(np.radians(angles)))
+    (cos_a, cos_b, cos_c), sin_c = cosines, math.sqrt(max(0.0, 1.0 - cosines[2] ** 2))
+    y = (cos_a - cos_b * cos_c) / sin_c if sin_c > 0 else math.inf
+    height = 1.0 - cos_b**2 - y**2
+    if not (np.all(angles > 0) and height > 0):
+        raise unreadable(
+            path, f"angles {shown(angles.tolist())} of a cell", "three angles that close a cell, in degrees"
+        )
+    found: Floats = np.array([[1.0, 0.0, 0.0], [cos_c, sin_c, 0.0], [cos_b, y, math.sqrt(height)]]) * lengths[:, None]
+    return found

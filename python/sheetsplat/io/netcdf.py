@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import contextlib
 import io
+import os
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import PurePosixPath
+from functools import partial
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import h5py  # type: ignore[import-untyped, unused-ignore]
 import numpy as np
+from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat.io.hdf5_access import checked, walk
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
-from sheetsplat.io.xarray_data import one_step, read_array, steps_of, variable
+from sheetsplat.io.xarray_data import named, variable
 
 
 def _classic(source: Source) -> Any:
@@ -35,8 +38,8 @@ def opened(source: Source, name: str | None) -> Iterator[Any]:
     """Yield a variable as a DataArray: FILE:/group/variable or `name`, else the only one; links are checked."""
     import xarray  # type: ignore[import-not-found, unused-ignore]
 
-    # Times stay numbers, with their units.
-    options: dict[str, Any] = {"decode_times": False}
+    # Times stay numbers, with their units, and packed numbers what they are: `cf` unpacks those of every format.
+    options: dict[str, Any] = {"decode_times": False, "mask_and_scale": False}
     group = ""
     if source.inner:
         place = PurePosixPath(source.inner)
@@ -58,18 +61,30 @@ def opened(source: Source, name: str | None) -> Iterator[Any]:
 def count_steps(source: Source, name: str | None = None) -> int:
     """Return the number of time steps of a variable."""
     with opened(source, name) as array:
-        return steps_of(array)
+        return named(array, source.path).steps
 
 
 def read(source: Source, name: str | None = None, resample: bool = False, step: int | None = None) -> Volume:
     """Read a variable with three dimensions: FILE:/group/variable or `name`, else the only one.
 
-    Of a variable with times as well, `step` is one of them. Coordinates, names, units and missing values are those of
-    the CF conventions; see `xarray_data.read_array`.
+    Of a variable with times as well, `step` is one of them. Coordinates, names, units, packed numbers and missing ones
+    are those of the CF conventions; see `cf.NamedArray`.
 
     Raises InvalidInput where there is no variable or more than one, for several times without `step`, for uneven
     coordinates unless `resample` is true, and for links to other files.
     """
     with opened(source, name) as array:
-        found = read_array(one_step(array, source.path, step), source.path, resample)
-        return replace(found, values=np.asarray(found.values), format="netcdf")
+        return named(array, source.path).at_step(step).read("netcdf", resample=resample)
+
+
+def locate(source: Source, name: str | None = None, step: int | None = None) -> Volume:
+    """Return what `read` reads without its samples, which any process with the same file reads."""
+    with opened(source, name) as array:
+        one = named(array, source.path).at_step(step)
+    fetch = partial(_part, Path(os.path.abspath(source.path)), source.inner, name)
+    return replace(one, samples=replace(one.samples, fetch=fetch)).volume("netcdf")
+
+
+def _part(path: Path, inner: str, name: str | None, index: tuple[int | slice, ...]) -> NDArray[Any]:
+    with Source(path, inner) as source, opened(source, name) as array:
+        return np.asarray(array[index].values)

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat import _memory
-from sheetsplat.io.axes import nearest_the_world
-from sheetsplat.io.checks import beside, checked_shape, printable, sides, unreadable
-from sheetsplat.io.records import Volume
+from sheetsplat._checks import triple
+from sheetsplat.io.checks import beside, checked_shape, chosen_step, printable, sides, unreadable
+from sheetsplat.io.records import Packing, Volume
 from sheetsplat.io.source import Source
 from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Quantity
@@ -34,66 +33,77 @@ def _header(source: Source) -> tuple[Any, bool]:
     return kind.from_fileobj(io.BytesIO(head), check=False), apart
 
 
-def _scaled(source: Source, values: NDArray[Any], slope: float, inter: float) -> NDArray[Any]:
-    """Return the samples as the header scales them; as they are where it does not."""
-    if not math.isfinite(slope) or slope == 0 or (slope, inter) == (1, 0):
-        return values
+def _packing(source: Source, header: Any) -> Packing:
+    """Return how the header scales samples; a slope of 0, or none, means not at all."""
+    slope, inter = float(header["scl_slope"]), float(header["scl_inter"])
+    if not math.isfinite(slope) or slope == 0:
+        return Packing()
     if not math.isfinite(inter):
         raise unreadable(source.path, f"scl_inter = {inter}", "a finite number")
-    kind = np.float32 if values.dtype.itemsize <= 2 or values.dtype == np.float32 else np.float64
-    _memory.require(values.size * np.dtype(kind).itemsize, f"the scaled samples of {source.path}")
-    scaled: NDArray[Any] = values.astype(kind)
-    np.multiply(scaled, kind(slope), out=scaled)
-    np.add(scaled, kind(inter), out=scaled)
-    return scaled
+    return Packing(slope, inter)
 
 
-def read(source: Source) -> Volume:
-    """Read an image with three axes, those of size 1 aside; its samples are scaled as its header says.
+def _sizes(source: Source, header: Any) -> tuple[list[int], int]:
+    """Return the three sizes of a volume, and the number of time steps."""
+    sizes = checked_shape(source.path, header["dim"][1 : 1 + min(max(int(header["dim"][0]), 0), 7)], "dim")
+    if len(sizes) < 3 or any(size > 1 for size in sizes[4:]):
+        advice = "choose one component, for example with nibabel: image.slicer[..., 0]" if sizes[3:] else ""
+        wanted = "three axes, and at most one of time"
+        raise unreadable(source.path, f"{len(sizes)} axes, sizes {sides(sizes)}", wanted, advice)
+    return list(sizes[:3]), sizes[3] if sizes[3:] else 1
 
-    World axes run to the right, the front and the head of a body. An image that is turned against them keeps its own
-    axes, those nearest to them, and the orientation says where the head is.
 
-    Raises InvalidInput for other numbers of axes, samples that are no real numbers, and axes that are not at right
-    angles.
+def count_steps(source: Source, name: str | None = None) -> int:
+    """Return the number of time steps."""
+    return _sizes(source, _header(source)[0])[1]
+
+
+def read(source: Source, step: int | None = None) -> Volume:
+    """Read an image with three axes, or one time step of an image with four; its samples are scaled as its header says.
+
+    World axes run to the right, the front and the head of a body.
+
+    Raises InvalidInput for other numbers of axes, several time steps without `step`, and samples that are no real
+    numbers.
     """
     path = source.path
     header, apart = _header(source)
-    sizes = checked_shape(path, header["dim"][1 : 1 + min(max(int(header["dim"][0]), 0), 7)], "dim")
-    shape = [*(size for size in sizes[:3]), *(size for size in sizes[3:] if size > 1)]
-    if len(shape) != 3:
-        advice = "choose one time step or channel, for example with nibabel: image.slicer[..., 0]"
-        raise unreadable(path, f"{len(shape)} axes, sizes {sides(sizes)}", "three axes", advice if shape[3:] else "")
+    shape, steps = _sizes(source, header)
+    number, count = chosen_step(path, steps, step), math.prod(shape)
     try:
         dtype = np.dtype(header.get_data_dtype())
     except Exception as error:
         raise unreadable(path, f"samples of type {int(header['datatype'])}", "real numbers") from error
     if dtype.kind not in "iuf" or dtype.itemsize > 8:
         raise unreadable(path, f"samples of type {dtype}", "integers or real floating-point numbers")
-    start = 0 if apart else float(header["vox_offset"])
-    if not 0 <= start <= 2**40:
+    start = float(header["vox_offset"])
+    if not 0 <= start <= 2**40 and not apart:
         raise unreadable(path, f"vox_offset = {start}", "a number of bytes")
+    before = number * count * dtype.itemsize
     if apart:
-        flat = _apart(source, dtype, math.prod(shape))
+        flat = _apart(source, dtype, count, before)
     else:
-        flat = source.samples(dtype, math.prod(shape), 0, skip=int(start))
-    values = _scaled(source, flat, float(header["scl_slope"]), float(header["scl_inter"]))
+        flat = source.samples(dtype, count, 0, skip=int(start) + before)
     affine = np.asarray(header.get_best_affine(), dtype=np.float64)
     known = int(header["sform_code"]) > 0 or int(header["qform_code"]) > 0
-    body = Orientation.anatomical("right", "anterior", "superior") if known else None
-    placed = nearest_the_world(path, "the affine", affine[:3, :3].T, affine[:3, 3], values.reshape(shape[::-1]), body)
-    units = _UNITS.get(int(header["xyzt_units"]) & 7, "")
     text = printable(bytes(header["descrip"]).split(b"\0")[0])
-    details = ({"content": text} if text else {}) | placed.details
     return Volume(
-        placed.values, placed.spacing, placed.origin, "nifti", details, Quantity(length_unit=units), placed.orientation
+        flat.reshape(shape[::-1]),
+        origin=triple("origin", affine[:3, 3]),
+        format="nifti",
+        details={"content": text} if text else {},
+        quantity=Quantity(length_unit=_UNITS.get(int(header["xyzt_units"]) & 7, "")),
+        orientation=Orientation.anatomical("right", "anterior", "superior") if known else None,
+        axes=affine[:3, :3].T,
+        packing=_packing(source, header),
     )
 
 
-def _apart(source: Source, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
+def _apart(source: Source, dtype: np.dtype[Any], count: int, skip: int) -> NDArray[Any]:
     """Return the samples of the .img file beside a .hdr file, which may be gzipped."""
     name = source.path.name.removesuffix(".gz")
     stem = name[: -len(".hdr")] if name.lower().endswith(".hdr") else name
     plain, packed = (beside(source.path, stem + suffix) for suffix in (".img", ".img.gz"))
     with Source(packed if packed.exists() and not plain.exists() else plain) as samples:
-        return samples.payload("raw").array(dtype, count)
+        found: NDArray[Any] = samples.samples(dtype, count, 0, skip=skip)
+        return found

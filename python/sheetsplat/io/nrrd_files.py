@@ -17,14 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _memory
-from sheetsplat._checks import Triple, shown, triple
-from sheetsplat.errors import InvalidInput
-from sheetsplat.io.axes import along_the_world
+from sheetsplat._checks import shown, triple
+from sheetsplat.io.axes import in_body
 from sheetsplat.io.checks import beside, checked_shape, floats, sides, unreadable
-from sheetsplat.io.records import Volume
+from sheetsplat.io.records import Floats, Volume
 from sheetsplat.io.source import MOST_SKIPPED, Source
-from sheetsplat.orientation import Orientation
-from sheetsplat.quantity import Quantity
 
 _HEADER_LIMIT = 1 << 20
 _LONGEST_UNIT = 32
@@ -93,34 +90,51 @@ def _dtype(path: Path, header: dict[str, Any], encoding: str) -> np.dtype[Any]:
     return dtype.newbyteorder("<" if endian == "little" else ">")
 
 
-def _placed(path: Path, header: dict[str, Any], values: NDArray[Any]) -> tuple[NDArray[Any], Triple, Triple]:
-    """Return the array turned so that its axes are z, y, x of the world, with spacing and origin."""
-    spacing = np.ones(3)
-    directions, spacings, start = (header.get(name) for name in ("space directions", "spacings", "space origin"))
+def _numbers(path: Path, header: dict[str, Any], *names: str) -> Floats:
+    """Return a number of a header for each axis; NaN, which is not known in this format, where there are none."""
+    told = _field(header, *names)
+    numbers = np.full(3, np.nan) if told is None else np.asarray(told, dtype=np.float64)
+    if numbers.shape != (3,) or np.any(np.isinf(numbers)):
+        raise unreadable(path, f"{names[0]} {shown(numbers.tolist())}", "three numbers")
+    return numbers
+
+
+def _place(path: Path, header: dict[str, Any], sizes: tuple[int, ...]) -> dict[str, Any]:
+    """Return the fields of a volume that say where its samples lie."""
+    directions, start = header.get("space directions"), header.get("space origin")
     origin = np.array(floats(path, "space origin", (0, 0, 0) if start is None else start, 3))
     if directions is not None:
-        rows = np.asarray([np.full(3, np.nan) if row is None else row for row in directions], dtype=np.float64)
-        return along_the_world(path, "space directions", rows, origin, values)
-    if spacings is not None:
-        spacing = np.asarray(spacings, dtype=np.float64)
-        # NaN means "not known" in this format.
-        spacing = np.where(np.isnan(spacing), 1.0, spacing)
-        if spacing.shape != (3,) or not np.all(np.isfinite(spacing)) or np.any(spacing == 0):
-            raise unreadable(path, f"spacings {shown(spacing.tolist())}", "three numbers other than 0")
-        spacing = np.abs(spacing)
-    return values, triple("spacing", spacing), triple("origin", origin)
+        rows = [np.full(3, np.nan) if row is None else np.asarray(row, dtype=np.float64) for row in directions]
+        if any(row.shape != (3,) for row in rows):
+            raise unreadable(path, f"space directions {shown(directions)}", "three directions of three numbers")
+        return {"axes": np.stack(rows), "origin": triple("origin", origin)}
+    spacing = _numbers(path, header, "spacings")
+    if np.any(spacing == 0):
+        raise unreadable(path, f"spacings {shown(spacing.tolist())}", "three numbers other than 0")
+    # Without an origin in space the ends of the axes place the samples: those of cells lie half a step inside.
+    lower, upper = (_numbers(path, header, name, name.replace(" ", "")) for name in ("axis mins", "axis maxs"))
+    told = _field(header, "centers", "centerings") or ()
+    centers = told.split() if isinstance(told, str) else told
+    inside = np.array([0.0 if str(one).lower() == "node" else 0.5 for one in (*centers, *("cell",) * 3)[:3]])
+    between = (upper - lower) / (np.array(sizes) - 1.0 + 2.0 * inside)
+    spacing = np.where(np.isnan(spacing), np.where(np.isnan(between) | (between == 0), 1.0, between), spacing)
+    spacing = np.abs(spacing)
+    if start is None:
+        origin = np.where(
+            np.isnan(lower), 0.0, np.fmin(lower, np.where(np.isnan(upper), lower, upper)) + inside * spacing
+        )
+    return {"spacing": triple("spacing", spacing), "origin": triple("origin", origin)}
 
 
-def _orientation(header: dict[str, Any]) -> Orientation | None:
-    """Return which way up the space of the header is, or None where it is not that of a body."""
+def _sides(header: dict[str, Any]) -> tuple[str, ...]:
+    """Return the sides of a body that the axes of the header's space run to, () where it is not that of a body.
+
+    Scanner axes, right-handed axes, and names that are not of this format are no sides.
+    """
     words = str(header.get("space", "")).lower().split("-")
     if header.get("space directions") is None or len(words) < 3 or words[3:] not in ([], ["time"]):
-        return None
-    try:
-        return Orientation.anatomical(*words[:3])
-    except InvalidInput:
-        # Scanner axes, right-handed axes, and names that are not of this format.
-        return None
+        return ()
+    return tuple(words[:3])
 
 
 def _read_samples(source: Source, header: dict[str, Any], sizes: tuple[int, ...], start: int, *, located: bool) -> Any:
@@ -179,7 +193,7 @@ def _read_text(source: Source, dtype: np.dtype[Any], count: int) -> NDArray[Any]
 
 
 def read(source: Source, *, located: bool = False) -> Volume:
-    """Read an NRRD volume with three axes; the fastest is x. Directions must lie along the axes of the world.
+    """Read an NRRD volume with three axes; the fastest is x.
 
     `located`: the values of the volume are `StoredSamples`, which are not read yet; Unsupported unless they are raw.
     """
@@ -203,15 +217,20 @@ def read(source: Source, *, located: bool = False) -> Volume:
             # A data file .gz with the encoding gzip is compressed once.
             plain = dict(header, encoding="raw") if samples.packed and header["encoding"] in ("gzip", "gz") else header
             flat = _read_samples(samples, plain, sizes, 0, located=located)
-    values, spacing, origin = _placed(source.path, header, flat.reshape(sizes[::-1]))
     details: dict[str, str] = {name: str(header[name]) for name in _TOLD if name in header}
-    quantity = Quantity(length_unit=_length_unit(header))
-    return Volume(values, spacing, origin, "nrrd", details, quantity, _orientation(header))
+    volume = Volume(
+        flat.reshape(sizes[::-1]),
+        format="nrrd",
+        details=details,
+        units=_length_units(header),
+        **_place(source.path, header, sizes),
+    )
+    return in_body(volume, _sides(header))
 
 
-def _length_unit(header: dict[str, Any]) -> str:
-    """Return the unit of all three axes, or "" where there is none or more than one."""
-    units = _field(header, "space units") or _field(header, "units") or []
-    names = {str(unit).strip().strip('"') for unit in ([units] if isinstance(units, str) else units)}
-    name = names.pop() if len(names) == 1 else ""
-    return name if name.isprintable() and len(name) <= _LONGEST_UNIT else ""
+def _length_units(header: dict[str, Any]) -> tuple[str, ...]:
+    """Return the units of the axes of the world, () where the header does not state three."""
+    told = _field(header, "space units") or _field(header, "units") or []
+    units = [str(one).strip().strip('"') for one in ([told] if isinstance(told, str) else told)]
+    usable = all(one.isprintable() and len(one) <= _LONGEST_UNIT for one in units)
+    return tuple(units) if usable and len(units) == 3 else ()

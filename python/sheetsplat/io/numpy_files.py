@@ -52,7 +52,8 @@ def _sizes(source: Source, header: _Header) -> tuple[int, ...]:
     shape, _, dtype = header
     _require_numbers(source.path, "an array", dtype)
     if len(shape) != 3:
-        raise unreadable(source.path, f"{len(shape)} axes, shape {tuple(shape)}", "three axes, values[k, j, i]")
+        advice = "pass a part of it, numpy.load(path)[0], or a series to sheetsplat.animate" if len(shape) > 3 else ""
+        raise unreadable(source.path, f"{len(shape)} axes, shape {tuple(shape)}", "three axes, values[k, j, i]", advice)
     return checked_shape(source.path, shape, "shape")
 
 

@@ -59,6 +59,8 @@ def field_of_object(data: object, kind: ObjectKind, options: Mapping[str, Any]) 
     def read(chosen: Mapping[str, Any]) -> RegularField | EllipsoidField:
         record = read_object(data, kind, chosen)
         refused_for(kind.name, record, chosen)
+        if isinstance(record, Scattered):
+            record = record.usable(kind.name, chosen.get("nan", "error"))
         return field_of_record(record, chosen, kind.name)
 
     return weighted(read, options)

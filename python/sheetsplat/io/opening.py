@@ -16,8 +16,8 @@ from numpy.typing import DTypeLike
 from sheetsplat import _memory
 from sheetsplat._checks import is_off, shown
 from sheetsplat.errors import complain, option_refs
-from sheetsplat.fields import EllipsoidField, RegularField
-from sheetsplat.io.axes import tell_units
+from sheetsplat.fields import EllipsoidField, NanPolicy, RegularField
+from sheetsplat.io.axes import placement, settled, tell_units
 from sheetsplat.io.checks import Where, printable, unreadable
 from sheetsplat.io.formats import FORMATS, SCATTERED, Format, find_format, format_of
 from sheetsplat.io.kernels import field_of, given, log_base, logarithm
@@ -26,19 +26,16 @@ from sheetsplat.io.source import opened
 
 # Options of regular volumes alone, and of scattered data alone.
 REGULAR = (
-    *("shape", "dtype", "offset", "name", "resample", "spacing", "origin", "lattice", "radius", "prefilter", "nan"),
-    "boundary",
+    *("shape", "dtype", "offset", "name", "resample", "spacing", "origin", "lattice", "radius", "prefilter"),
+    *("boundary", "axes"),
 )
-SCATTERED_ONLY = ("grid", "particles", "support", "fit", "neighbors", "min_scale")
-_POINTS = ("grid", "scalar", "particles", "support", "step")
-_ELLIPSOIDS = ("fit", "neighbors", "normalization", "w0", "falloff", "min_scale", "base")
-_SAMPLES = (
-    *("spacing", "origin", "lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan"),
-    *("boundary", "base"),
-)
+SCATTERED_ONLY = ("grid", "particles", "support", "fit", "neighbors", "min_scale", "periodic")
+_POINTS = ("grid", "scalar", "particles", "support", "step", "nan")
+_ELLIPSOIDS = ("fit", "neighbors", "normalization", "w0", "falloff", "min_scale", "base", "periodic")
+_SAMPLES = ("lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan", "boundary", "base")
 _RAW = ("shape", "dtype", "offset", "name", "resample", "step")
 #: Options that say how data are read.
-READING = (*_RAW, *_POINTS)
+READING = (*_RAW, *(name for name in _POINTS if name != "nan"))
 # The number in a header is not trusted.
 _MOST_STEPS = 100_000
 
@@ -102,7 +99,7 @@ def read_volume(
             raise complain(what, wrong, "a regular volume", advice)
         _refuse_others(path, found, options)
         volume: Volume = found.read(source, **options)
-        return volume
+    return settled(str(path), volume)
 
 
 def read_scattered(
@@ -113,6 +110,7 @@ def read_scattered(
     particles: str | None = None,
     support: float | None = None,
     step: int | None = None,
+    nan: NanPolicy = "error",
 ) -> Scattered:
     r"""Read scattered data; the format is found by content, then by suffix, and gzipped files are decompressed.
 
@@ -130,11 +128,15 @@ def read_scattered(
         For HDF5: radius of the kernels' supports in smoothing lengths; found by the densities unless given.
     step
         The time step to take of a file with several, from 0 on.
+    nan
+        What a row is whose position, scalar, size, rotation or weight is not finite: "error", or "skip", which leaves
+        it out, with a `PictureWarning`.
 
     Raises
     ------
     InvalidInput
-        For files that are damaged or hold something else, and options that do not belong to their format.
+        For files that are damaged or hold something else, for numbers that are not finite unless these rows are left
+        out, and options that do not belong to their format.
     OutOfMemory
         Where the numbers do not fit.
     Error
@@ -152,10 +154,9 @@ def read_scattered(
         raise unreadable(Path(path), f"a file of format {found.name}", "scattered data: " + ", ".join(SCATTERED))
     options = given(grid=grid, scalar=scalar, particles=particles, support=support, step=step)
     _refuse_others(path, found, options)
-    # Numbers that are not finite are errors of the readers.
     with opened(path) as source, np.errstate(all="ignore"):
         data: Scattered = found.read(source, **options)
-        return data
+        return data.usable(path, nan)
 
 
 def _refuse(path: Where | os.PathLike[str], options: Mapping[str, Any], names: Iterable[str], what: str) -> None:
@@ -259,10 +260,11 @@ def _of_scattered(data: Scattered, options: Mapping[str, Any]) -> EllipsoidField
 
 def _of_volume(volume: Volume, options: Mapping[str, Any]) -> RegularField:
     if "spacing" not in options:
-        tell_units(volume.quantity.axes, volume.values.shape, volume.spacing)
-    placed = {"spacing": volume.spacing, "origin": volume.origin}
-    chosen = {**placed, **{name: options[name] for name in _SAMPLES if name in options}}
-    field = RegularField(volume.values, **chosen)
+        tell_units(volume.quantity, volume.values.shape, volume.spacing)
+    chosen = placement(volume, options)
+    if volume.packing.missing and np.isnan(volume.values).any():
+        chosen["nan"] = "skip"
+    field = RegularField(volume.values, **chosen | {name: options[name] for name in _SAMPLES if name in options})
     field = field.with_quantity_of_samples(volume.quantity, volume.spacing, volume.origin, "cartesian")
     return field.with_orientation(volume.orientation)
 
@@ -273,7 +275,7 @@ def field_of_record(
     """Return the field of data that were read; `options` are those of `sheetsplat.open` that the caller gave."""
     if isinstance(record, Scattered):
         return _of_scattered(record, options)
-    return _of_volume(_in_decades(record, options.get("log", False), where), options)
+    return _of_volume(_in_decades(settled(where, record), options.get("log", False), where), options)
 
 
 def open_field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> RegularField | EllipsoidField:

@@ -17,7 +17,7 @@ from sheetsplat.io import particle_units
 from sheetsplat.io.checks import listed, unreadable
 from sheetsplat.io.hdf5_access import checked
 from sheetsplat.io.records import Floats
-from sheetsplat.io.source import Source, opened
+from sheetsplat.io.source import Source, hdf5_start, opened
 from sheetsplat.io.sph_hdf5 import group_of, homes_of
 
 _IDS = ("ParticleIDs", "ParticleID", "ID", "IDs")
@@ -41,14 +41,11 @@ class Motion:
         Their velocities, (N, 3), world units in a unit of time.
     time
         When it was, in that unit: of the file, or of cosmological runs in seconds since the beginning.
-    box
-        Edge of a periodic box, world units, or None.
     """
 
     ids: NDArray[Any]
     velocities: Floats
     time: float
-    box: float | None
 
 
 def read_motion(path: Path, particles: str | None = None) -> Motion:
@@ -60,7 +57,7 @@ def read_motion(path: Path, particles: str | None = None) -> Motion:
         For files of another format, and where numbers, velocities, the time or units that cosmology needs are missing.
     """
     with opened(path) as source:
-        if not isinstance(source, Source) or source.head(8) != b"\x89HDF\r\n\x1a\n":
+        if not isinstance(source, Source) or hdf5_start(source) is None:
             found, wanted = "a file without particles that have numbers and velocities", "an HDF5 snapshot"
             raise complain(f"{path} has no motion", found, wanted)
         with h5py.File(checked(source), "r") as file:
@@ -81,7 +78,7 @@ def _of_file(path: Path, file: Any, particles: str | None) -> Motion:
         raise unreadable(path, f"{group.name}/{names[1]} of shape {velocities.shape}", "(N, 3)")
     cosmology = [next(_numbers(homes, known), 0.0) for known in (_MATTER, _LAMBDA)]
     if "a" in told and told.get("h", 0.0) > 0.0 and cosmology[0] > 0.0:
-        units = group.dimension(group.place, told), group.dimension(names[1], told)
+        units = group.unit(group.place, told), group.unit(names[1], told)
         if units[0] is None or units[1] is None:
             raise unreadable(path, "a cosmological run without units of length and velocity", "both, in its header")
         a, h = told["a"], told["h"]
@@ -90,8 +87,7 @@ def _of_file(path: Path, file: Any, particles: str | None) -> Motion:
         time = age(a, h, cosmology[0], cosmology[1])
     elif time is None:
         raise unreadable(path, "no time in its header", "Header with an attribute Time")
-    box = told.get("box", 0.0)
-    return Motion(group.read(names[0]).reshape(-1), velocities, time, box if box > 0.0 else None)
+    return Motion(group.read(names[0]).reshape(-1), velocities, time)
 
 
 def _numbers(homes: Mapping[str, Any], names: tuple[str, ...]) -> Any:

@@ -22,6 +22,7 @@ _LENGTHS = {"Mpc": 3.0857e24, "kpc": 3.0857e21, "pc": 3.0857e18, "au": 1.49598e1
 _MASSES = {"10¹⁰ M☉": 1.9886e43, "M☉": 1.9886e33, "kg": 1e3, "g": 1.0}
 _SPEEDS = {"km/s": 1e5, "m/s": 1e2, "cm/s": 1.0}
 _SAME = 2e-3
+_ROUNDED = 1e-2
 _FACTORS = ("Conversion factor to CGS (not including cosmological corrections)", "to_cgs", "CGSConversionFactor")
 _SIZES = {
     "length": ("UnitLength_in_cm", "UnitLength_In_CGS", "Unit length in cgs (U_L)"),
@@ -106,13 +107,12 @@ def number(one: Any, *names: str) -> float | None:
 
 
 def header(homes: dict[str, Any]) -> dict[str, float]:
-    """Return what the header says: a, h, redshift, box and files, and sizes of units in cgs, where they are there."""
+    """Return what the header says: a, h, redshift and files, and sizes of units in cgs, where they are there."""
     told: dict[str, float] = {}
     for key, names in (
         ("redshift", ("Redshift",)),
         ("a", ("Scale-factor",)),
         ("h", ("HubbleParam", "h")),
-        ("box", ("BoxSize",)),
         ("files", ("NumFilesPerSnapshot",)),
         *_SIZES.items(),
     ):
@@ -128,9 +128,37 @@ def header(homes: dict[str, Any]) -> dict[str, float]:
     return told
 
 
+def box(homes: dict[str, Any]) -> tuple[float, float, float] | None:
+    """Return the sides of the box, from 0 on, 0 along axes that do not wrap; None where there is none."""
+    for home in homes.values():
+        found = np.asarray(attribute(home, "BoxSize"))
+        if found.dtype.kind in "iuf" and found.size in (1, 3) and np.isfinite(found).all() and (found >= 0).all():
+            x, y, z = np.broadcast_to(found.reshape(-1), 3).astype(np.float64).tolist()
+            return (x, y, z) if max(x, y, z) > 0 else None
+    return None
+
+
 def homes_of(groups: dict[str, Any]) -> dict[str, Any]:
     """Return the groups that say something about all particles."""
     return {name: groups[name] for name in HOMES if isinstance(groups.get(name), h5py.Group)}
+
+
+def volume_factor(mass: Unit | None, density: Unit | None, length: Unit | None, told: dict[str, float]) -> float:
+    """Return what quotients of masses and densities must be multiplied by to be volumes in the unit of length, cubed.
+
+    1 where units are not known, and where they fit to within the digits that codes give them with.
+    """
+    if mass is None or density is None or length is None:
+        return 1.0
+    factor = mass.size / density.size / length.size**3
+    for base, powers in (
+        (told.get("a"), (mass.a, density.a, length.a)),
+        (told.get("h"), (mass.h, density.h, length.h)),
+    ):
+        power = powers[0] - powers[1] - 3.0 * powers[2]
+        if power:
+            factor *= (base or 1.0) ** power
+    return factor if 0.0 < factor < math.inf and abs(factor - 1.0) > _ROUNDED else 1.0
 
 
 def unit_of(dataset: Any, name: str, told: dict[str, float]) -> Unit | None:

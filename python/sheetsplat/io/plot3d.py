@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.errors import complain, option_ref
-from sheetsplat.io.checks import finite_points, finite_values, require_rows, sides, unreadable
+from sheetsplat.io.checks import require_rows, sides, unreadable
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import unknown_scalar
 from sheetsplat.io.source import Source
@@ -317,21 +317,19 @@ def read(source: Source, grid: str | os.PathLike[str], scalar: str | None = None
     if not shown.all():
         points, flow = points[shown], flow[:, shown]
         details["blanked"] = f"{int((~shown).sum())} points with iblank 0 are left out"
-    finite_points(Path(grid), points)
     with np.errstate(all="ignore"):
         values = np.ascontiguousarray(SCALARS[name][1](flow))
-        negative = int((~(_pressure(flow) > 0)).sum())
+        negative = int((_pressure(flow) <= 0).sum())
     why = ""
     if flow.size and not flow[4].any():
         why = "the energy field of this file is all 0"
-    elif not np.all(flow[0] > 0):
+    elif np.any(flow[0] <= 0):
         why = "there are densities that are not above 0"
     elif negative:
         why = f"the pressure is not above 0 at {negative} points"
-    finite_values(source.path, name, values, why, "choose a scalar that does not need it: density or momentum")
     if why and name in ("pressure", "temperature", "enthalpy"):
         raise complain(f"the scalar {name!r} of {source.path} has no meaning", why, "pressures above 0")
-    return Scattered(points, values, name, "plot3d", tuple(SCALARS), cells=cells, details=details)
+    return Scattered(points, values, name, "plot3d", tuple(SCALARS), cells=cells, details=details, why=why)
 
 
 def _hexahedra(blocks: tuple[Shape, ...], shown: NDArray[np.bool_]) -> tuple[NDArray[np.int64], ...] | None:

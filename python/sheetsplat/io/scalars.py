@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetsplat._rows import pieces
 from sheetsplat.errors import Error, complain, option_ref
-from sheetsplat.io.checks import Where, listed, pieces, unreadable
+from sheetsplat.io.checks import Where, listed, unreadable
 from sheetsplat.io.records import Floats
 
 _PART = re.compile(r"(.+)_([xyz]|\d{1,3})")

@@ -24,6 +24,7 @@ from sheetsplat.io.stored import StoredSamples, fetch_of
 
 # Largest compression ratio of deflate (RFC 1951: a match of 258 bytes in two bits), and a margin for short files.
 DEFLATE_RATIO = 1032
+_HDF5 = b"\x89HDF\r\n\x1a\n"
 _DEFLATE_SLACK = 4096
 _MOST_FILES = 100_000
 _NUMBERS = re.compile("([0-9]{1,18})")
@@ -227,6 +228,23 @@ class Source(contextlib.ExitStack):
         return payload.located(dtype, count) if located else payload.array(dtype, count)
 
 
+def hdf5_start(source: Source) -> int | None:
+    """Return the byte at which HDF5 begins in a file, behind what its user put before it; None for other files.
+
+    What a user puts there, as MATLAB does, has 512 bytes or a multiple that is a power of two; here at most 2^20.
+    """
+    for start in (0, *(512 << power for power in range(12))):
+        source.stream.seek(start)
+        begin = source.stream.read(len(_HDF5))
+        if begin == _HDF5:
+            source.stream.seek(0)
+            return start
+        if len(begin) < len(_HDF5):
+            break
+    source.stream.seek(0)
+    return None
+
+
 class Folder(contextlib.ExitStack):
     """A folder whose files are read as one thing. Its context is `guarded`.
 
@@ -280,6 +298,8 @@ class Payload:
     def __init__(self, source: Source, stream: IO[bytes], bound: int | None, *, exact: bool = False) -> None:
         self._source, self._stream, self._bound, self._exact = source, stream, bound, exact
         self.surplus = False
+        # The byte behind what was read, if there is one.
+        self._ahead = b""
         self._wanted = ""
         self._advice: str | Words = "the file is cut off or its header is wrong; fetch it again"
 
@@ -292,19 +312,24 @@ class Payload:
         if self._bound is not None and count > self._bound:
             raise self._short(count, self._bound, "bytes before the samples", about=not self._exact)
         if self._exact:
-            self._stream.seek(count, os.SEEK_CUR)
-            self._bound = (self._bound or 0) - count
+            self._stream.seek(count - len(self._ahead), os.SEEK_CUR)
+            self._ahead, self._bound = b"", (self._bound or 0) - count
             return
         if count > MOST_SKIPPED:
             wanted = f"at most {MOST_SKIPPED} in a packed file"
             raise complain(f"{self._source.path} cannot be read", f"{count} bytes before the samples", wanted)
         left = count
-        while left > 0 and (piece := self._stream.read(min(left, _CHUNK))):
+        while left > 0 and (piece := self._read(min(left, _CHUNK))):
             left -= len(piece)
         if left > 0:
             raise self._short(count, count - left, "bytes before the samples")
         if self._bound is not None:
             self._bound = max(0, self._bound - count)
+
+    def _read(self, count: int) -> bytes:
+        """Return at most so many bytes, with the one that was read ahead."""
+        ahead, self._ahead = self._ahead[:count], self._ahead[count:]
+        return ahead + self._stream.read(count - len(ahead))
 
     def _short(self, wanted: int, found: int, what: str, *, about: bool = False) -> Error:
         return complain(
@@ -323,7 +348,7 @@ class Payload:
             raise complain(what, "packed samples", wanted, "unpack them first", kind=Unsupported)
         if self._bound is not None and needed > self._bound:
             raise self._short(needed, self._bound, "samples")
-        return StoredSamples.dense(self._source.path, dtype, (count,), self._stream.tell())
+        return StoredSamples.dense(self._source.path, dtype, (count,), self._stream.tell() - len(self._ahead))
 
     def array(self, dtype: np.dtype[Any], count: int) -> NDArray[Any]:
         """Return `count` values. InvalidInput where the file has fewer, OutOfMemory where they do not fit."""
@@ -336,11 +361,13 @@ class Payload:
         values = np.empty(count, dtype)
         view = memoryview(values.view(np.uint8).data) if count else memoryview(b"")
         filled = 0
-        while piece := self._stream.read(min(_CHUNK, needed - filled)):
+        while piece := self._read(min(_CHUNK, needed - filled)):
             view[filled : filled + len(piece)] = piece
             filled += len(piece)
         if filled < needed:
             raise self._short(needed, filled, "samples")
         # Reading to the end of a packed stream compares its checksum.
-        self.surplus = bool(self._stream.read(1))
+        self._ahead = self._ahead or self._stream.read(1)
+        self.surplus = bool(self._ahead)
+        self._bound = None if self._bound is None else max(0, self._bound - needed)
         return values

@@ -15,10 +15,11 @@ import h5py  # type: ignore[import-untyped, unused-ignore]
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat._checks import shown
+from sheetsplat._checks import Bounds, Triple, shown
 from sheetsplat.errors import option_ref
+from sheetsplat.fields import Wrapping, periodic_box
 from sheetsplat.io import particle_units
-from sheetsplat.io.checks import finite_points, finite_values, listed, require_rows, unreadable
+from sheetsplat.io.checks import listed, require_rows, unreadable
 from sheetsplat.io.hdf5_access import checked, inside, read_dataset
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
@@ -33,13 +34,16 @@ _MOST_DATASETS = 1000
 # Radii of supports in smoothing lengths: Gadget, Arepo and GIZMO; SWIFT (cubic spline); Gasoline and ChaNGa.
 _SUPPORTS = (1.0, 1.825742, 2.0)
 _PROBES = 64
+# How far outside of the box particles may lie, in its sides, and rows that are looked at together for that.
+_OUTSIDE = 1e-6
+_ROWS = 1 << 20
 # Of more particles the support is not searched for where they are read in parts.
 _MOST_SEARCHED = 4_000_000
 # Types by the names that people give them.
 _TYPES = {"gas": 0, "dark_matter": 1, "dm": 1, "disk": 2, "bulge": 3, "stars": 4, "star": 4, "black_holes": 5, "bh": 5}
-# Datasets by which the cells of a moving mesh are known, and their kernels' supports in radii of spheres with their
-# volumes: a sphere of 2.5 radii holds 16 cells.
-_CELLS = ("CenterOfMass", "Volume")
+_VOLUME = ("Volume", "Volumes")
+# Supports of cells of a moving mesh, which have no smoothing lengths, in radii of spheres with their volumes: a sphere
+# of 2.5 radii holds 16 cells.
 _CELL_SUPPORT = 2.5
 # Largest relative error of densities, for kernels of another shape and the same width.
 _AGREEMENT = 0.1
@@ -84,14 +88,13 @@ class _Group:
     def first(self, names: tuple[str, ...]) -> str | None:
         return next((name for name in names if name in self._datasets), None)
 
-    def unit(self, name: str, told: dict[str, float]) -> str:
-        """Return the unit of a dataset as figures show it, "" where it is not known."""
-        found = self.dimension(name, told)
-        return "" if found is None else found.text()
+    def has(self, name: str) -> bool:
+        """Return whether there is a dataset of numbers of this name."""
+        return name in self._datasets
 
-    def dimension(self, name: str, told: dict[str, float]) -> particle_units.Unit | None:
-        """Return the unit of a dataset, None where it is not known."""
-        return particle_units.unit_of(self._datasets[name], name, told)
+    def unit(self, name: str, told: dict[str, float]) -> particle_units.Unit | None:
+        """Return the unit of a dataset, or of what a table of the header has; None where it is not known."""
+        return particle_units.unit_of(self._datasets.get(name, self._group), name, told)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -106,14 +109,16 @@ class _Group:
             if name != self.place and one.shape[0] == self.count and (one.ndim == 1 or one.shape[1] > 0)
         }
 
-    def read(self, name: str) -> NDArray[Any]:
-        """Return a dataset after a check of its size against its stored bytes."""
+    def read(self, name: str, rows: tuple[int, int] | None = None) -> NDArray[Any]:
+        """Return a dataset, or some of its rows, after a check of its size against its stored bytes."""
         one, what = self._datasets[name], f"{self.name}/{name}"
         if one.shape[0] != self.count:
             wanted = f"{self.count}, as {self.name}/{self.place} has"
             raise unreadable(self._path, f"{what} of {one.shape[0]} rows", wanted)
+        rows = self._rows if rows is None else rows
+        count = self.count if rows is None else rows[1] - rows[0]
         # For the dataset, and float64 of it.
-        return read_dataset(self._path, one, what, 8 * self.size * math.prod(one.shape[1:]), self._rows)
+        return read_dataset(self._path, one, what, 8 * count * math.prod(one.shape[1:]), rows)
 
     def column(self, names: tuple[str, ...]) -> Floats | None:
         """Return the first of these datasets that exists, as float64; None where it has several columns."""
@@ -136,31 +141,39 @@ def _mass_table(path: Path, file: Any, name: str) -> float:
     return mass if math.isfinite(mass) and mass > 0 else 0.0
 
 
-def find_support(points: Floats, lengths: Floats, masses: Floats, densities: Floats) -> tuple[float | None, float]:
+def find_support(
+    points: Floats, lengths: Floats, masses: Floats, densities: Floats, box: Bounds | None = None
+) -> tuple[float | None, float]:
     """Return the support's radius in smoothing lengths (None: unknown), and the error of densities computed with it.
 
     A smoothing length is the radius of the kernel's support in some programs and half of it in others. Each factor is
     tried on a few particles: density_i = Σ_j m_j W(|x_i − x_j|; support_i) with the cubic spline. The error is the
-    median of |log(density / density of the file)|.
+    median of |log(density / density of the file)|. `box`: a periodic one.
     """
     from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 
     from sheetsplat.fit import SPH_KERNELS
 
+    wrapping = Wrapping(box)
+    known = np.isfinite(points).all(axis=1) & np.isfinite(masses)
+    points, lengths, masses, densities = (one[known] for one in (points, lengths, masses, densities))
     # Kernels much larger than the data overflow the tree's sums of squares.
     size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
     usable = np.flatnonzero((lengths > 0) & (lengths < 10.0 * size) & (densities > 0) & (masses > 0))
     if usable.size < 2 or not 1e-100 < size < 1e100:
         return None, math.inf
     probes = usable[np.linspace(0, usable.size - 1, min(_PROBES, usable.size)).astype(np.intp)]
-    tree = cKDTree(points)
+    if box is not None:
+        # A tree of a box counts from its lower corner.
+        points = wrapping.wrapped(points) - box[0]
+    tree = cKDTree(points, boxsize=None if box is None else wrapping.sides)
     errors = []
     for factor in _SUPPORTS:
         found = []
         for probe in probes:
             reach = factor * lengths[probe]
             near = np.asarray(tree.query_ball_point(points[probe], reach), dtype=np.intp)
-            share = np.linalg.norm(points[near] - points[probe], axis=1) / reach
+            share = np.linalg.norm(wrapping.apart(points[near] - points[probe]), axis=1) / reach
             kernel = 8.0 * SPH_KERNELS["cubic_spline"](2.0 * share)
             density = float((masses[near] * kernel).sum()) / reach**3
             found.append(abs(math.log(density / densities[probe])) if density > 0 else math.inf)
@@ -183,13 +196,13 @@ def read(
     source
     scalar
         A dataset of the group, the length of a vector's rows, or one column of it (Velocities_x); "Density" unless
-        given, else "Masses".
+        given, else "Masses", which may be in the table of the header.
     particles
         The group, or gas, dark_matter, stars, black_holes …; PartType0, the gas, unless given.
     support
         Radius of the kernels' supports in smoothing lengths of the file. Unless given, the one that gives the densities
-        of the file (`find_support`), else 1, as in Gadget. For cells of a moving mesh (Arepo), which have none: in
-        radii of spheres with the volumes of the cells; 2.5 unless given.
+        of the file (`find_support`), else 1, as in Gadget. For cells of a moving mesh (Arepo, TNG), which have none: in
+        radii of spheres with the volumes of the cells, masses over densities; 2.5 unless given.
 
     Raises
     ------
@@ -201,35 +214,55 @@ def read(
         return _read_group(source.path, file, group, scalar, support)
 
 
-def locate(source: Source, particles: str | None = None, support: float | None = None) -> tuple[int, float | None]:
-    """Return the number of particles of a group, and the support that `read` takes for parts of it.
+def locate(
+    source: Source, particles: str | None = None, support: float | None = None
+) -> tuple[int, float | None, Bounds | None]:
+    """Return the number of particles of a group, the support that `read` takes for parts of it, and the periodic box.
 
-    Where that is found by the densities, it is found of all particles, which are read for it; InvalidInput where they
-    are too many.
+    Where the support is found by the densities, it is found of all particles, which are read for it; InvalidInput where
+    they are too many.
     """
     path = source.path
     with h5py.File(checked(source), "r") as file:
         group = group_of(path, file, particles)
-        lengths = group.first(_SMOOTHING)
-        mass = _mass_table(path, file, group.name)
-        if support is not None or lengths is None or group.first(_DENSITY) is None:
-            return group.count, support
-        if group.first(_MASS) is None and not mass > 0:
-            return group.count, support
-        if group.count > _MOST_SEARCHED:
-            raise unreadable(
-                path,
-                f"{group.count} particles, no radius of kernels in smoothing lengths",
-                "it: 1 of Gadget, Arepo and GIZMO, 1.825742 of SWIFT, 2 of Gasoline and ChaNGa",
-                "pass " + option_ref("support", "1"),
-            )
-        columns = [group.column(names) for names in (_SMOOTHING, _MASS, _DENSITY)]
-        sizes, masses, densities = columns[0], columns[1], columns[2]
-        masses = np.full(group.count, mass) if masses is None else masses
-        if sizes is None or densities is None:
-            return group.count, support
-        points = group.read(group.place).astype(np.float64)
-        return group.count, find_support(points, sizes, masses, densities)[0]
+        box = _periodic(path, particle_units.box(homes_of(path, file)), group)
+        return group.count, _located(path, file, group, support, box), box
+
+
+def _located(path: Path, file: Any, group: _Group, support: float | None, box: Bounds | None) -> float | None:
+    """Return the support that `read` takes for parts of a group."""
+    lengths = group.first(_SMOOTHING)
+    mass = _mass_table(path, file, group.name)
+    if support is not None or lengths is None or group.first(_DENSITY) is None:
+        return support
+    if group.first(_MASS) is None and not mass > 0:
+        return support
+    if group.count > _MOST_SEARCHED:
+        raise unreadable(
+            path,
+            f"{group.count} particles, no radius of kernels in smoothing lengths",
+            "it: 1 of Gadget, Arepo and GIZMO, 1.825742 of SWIFT, 2 of Gasoline and ChaNGa",
+            "pass " + option_ref("support", "1"),
+        )
+    columns = [group.column(names) for names in (_SMOOTHING, _MASS, _DENSITY)]
+    sizes, masses, densities = columns[0], columns[1], columns[2]
+    masses = np.full(group.count, mass) if masses is None else masses
+    if sizes is None or densities is None:
+        return support
+    return find_support(group.read(group.place).astype(np.float64), sizes, masses, densities, box)[0]
+
+
+def _periodic(path: Path, sides: Triple | None, group: _Group) -> Bounds | None:
+    """Return the box in which the particles of a group wrap: that of the file, unless some lie outside of it."""
+    if sides is None:
+        return None
+    margin = _OUTSIDE * np.asarray(sides)
+    for first in range(0, group.count, _ROWS):
+        places = group.read(group.place, (first, min(first + _ROWS, group.count))).astype(np.float64)
+        # (NaN is not outside.)
+        if ((places < -margin) | (places > sides + margin))[:, margin > 0].any():
+            return None
+    return periodic_box(str(path), ((0.0, 0.0, 0.0), sides))
 
 
 def group_of(path: Path, file: Any, particles: str | None, rows: tuple[int, int] | None = None) -> _Group:
@@ -248,19 +281,15 @@ def group_of(path: Path, file: Any, particles: str | None, rows: tuple[int, int]
     return _Group(path, group, name, rows)
 
 
-def _home(path: Path, file: Any, name: str) -> Any:
-    """Return a group that says something about all particles, None for any other name."""
-    return inside(path, file, name) if name in particle_units.HOMES else None
-
-
 def homes_of(path: Path, file: Any) -> dict[str, Any]:
     """Return the groups of a file that say something about all particles."""
-    return particle_units.homes_of({one: _home(path, file, one) for one in file})
+    found = {name: inside(path, file, name) for name in file if name in particle_units.HOMES}
+    return particle_units.homes_of(found)
 
 
 def _about(told: dict[str, float]) -> dict[str, str]:
     """Return what the header says, as texts."""
-    texts = {"a": "scale factor", "h": "h", "redshift": "redshift", "box": "box"}
+    texts = {"a": "scale factor", "h": "h", "redshift": "redshift"}
     about = {text: f"{told[key]:g}" for key, text in texts.items() if told.get(key)}
     if told.get("files", 1) > 1:
         about["part"] = f"one file of {told['files']:g} of a snapshot"
@@ -271,18 +300,42 @@ def _read_group(path: Path, file: Any, group: _Group, scalar: str | None, suppor
     name = group.name
     require_rows(path, group.size)
     widths = group.widths()
+    share = _mass_table(path, file, name)
+    if share > 0 and group.first(_MASS) is None and "Masses" not in widths:
+        # In a table for all particles of a group.
+        widths["Masses"] = 1
+    if scalar is None and widths and not widths.keys() & {*_DENSITY, *_MASS}:
+        raise unreadable(
+            path,
+            f"no densities or masses in {name}, but {listed(scalar_names(widths))}",
+            "the name of what is to be shown",
+            "pass " + option_ref("scalar", "..."),
+            option="scalar",
+        )
     chosen, base, column = choose_scalar(path, scalar, (*_DENSITY, *_MASS), widths)
-    points = finite_points(path, group.read(group.place).astype(np.float64))
-    values = finite_values(path, chosen, column_of(group.read(base), column))
+    points = group.read(group.place).astype(np.float64)
     masses, densities = group.column(_MASS), group.column(_DENSITY)
-    if masses is None and (share := _mass_table(path, file, name)) > 0:
+    if masses is None and share > 0:
         masses = np.full(group.size, share)
+    of_table = base == "Masses" and not group.has(base)
+    values = np.full(group.size, share) if of_table else column_of(group.read(base), column)
     lengths = group.column(_SMOOTHING)
-    told = particle_units.header(homes_of(path, file))
+    homes = homes_of(path, file)
+    told, sides = particle_units.header(homes), particle_units.box(homes)
     details = {"particles": name, **_about(told)}
+    box = _periodic(path, sides, group) if group.is_whole else None
+    if sides is not None:
+        outside = ", not periodic: particles lie outside of it" if group.is_whole else ""
+        details["box"] = " x ".join(f"{side:g}" for side in sides) + (", periodic" if box else outside)
+    shown, length = group.unit(base, told), group.unit(group.place, told)
+    if masses is not None and densities is not None:
+        mass, density = (group.unit(group.first(names) or names[0], told) for names in (_MASS, _DENSITY))
+        masses *= particle_units.volume_factor(mass, density, length, told)
     if "part" in details and group.is_whole:
         _log.warning("this is %s: the others are not read", details["part"])
-    if lengths is None and masses is not None and densities is not None and group.first(_CELLS) is not None:
+    if lengths is None and (masses is None or densities is None) and (volumes := group.column(_VOLUME)) is not None:
+        masses, densities = volumes, np.ones(group.size)
+    if lengths is None and masses is not None and densities is not None:
         if densities.min() <= 0 or masses.min() <= 0:
             raise unreadable(path, f"masses or densities of 0 or less in {name}", "cells with a volume")
         share = _CELL_SUPPORT if support is None else support
@@ -290,7 +343,7 @@ def _read_group(path: Path, file: Any, group: _Group, scalar: str | None, suppor
         details["support"] = f"{share:g} radii of spheres with the volumes of the cells"
     elif lengths is not None:
         if support is None and masses is not None and densities is not None and group.is_whole:
-            support, error = find_support(points, lengths, masses, densities)
+            support, error = find_support(points, lengths, masses, densities, box)
             details["support"] = (
                 "1 smoothing length, as in Gadget; the densities of the file fit no known kernel"
                 if support is None
@@ -309,6 +362,7 @@ def _read_group(path: Path, file: Any, group: _Group, scalar: str | None, suppor
         masses=masses,
         densities=densities,
         details=details,
-        unit=group.unit(base, told),
-        length_unit=group.unit(group.place, told),
+        unit="" if shown is None else shown.text(),
+        length_unit="" if length is None else length.text(),
+        periodic=box,
     )

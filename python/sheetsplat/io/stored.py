@@ -112,6 +112,74 @@ class StoredSamples:
         return found
 
 
+@dataclass(frozen=True)
+class LazySamples:
+    """Samples of an array that something else reads by an index. It is turned and cut like an array, and then read.
+
+    Attributes
+    ----------
+    fetch
+        Returns a part of the array by an index: a number, or a slice with the step 1, for each of its dimensions.
+    dtype
+        Of the array.
+    index
+        For each of its dimensions a number, or which places are read, in steps of 1 or -1.
+    order
+        Which dimension runs along each axis of the samples; none stands for a number.
+    """
+
+    fetch: Callable[[tuple[int | slice, ...]], Any]
+    dtype: np.dtype[Any]
+    index: tuple[int | range, ...]
+    order: tuple[int, ...]
+
+    @classmethod
+    def of(cls, fetch: Callable[[tuple[int | slice, ...]], Any], dtype: Any, shape: Sequence[int]) -> LazySamples:
+        """Return all samples of an array."""
+        return cls(fetch, np.dtype(dtype), tuple(range(int(size)) for size in shape), tuple(range(len(shape))))
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of the samples."""
+        return tuple(len(self._range(axis)) for axis in range(self.ndim))
+
+    @property
+    def ndim(self) -> int:
+        """Number of axes."""
+        return len(self.order)
+
+    @property
+    def size(self) -> int:
+        """Number of samples."""
+        return math.prod(self.shape)
+
+    def _range(self, axis: int) -> range:
+        found = self.index[self.order[axis]]
+        assert isinstance(found, range)
+        return found
+
+    def transpose(self, axes: Sequence[int]) -> LazySamples:
+        """Return the array with its axes in another order."""
+        return replace(self, order=tuple(self.order[axis] for axis in axes))
+
+    def __getitem__(self, cuts: tuple[slice, ...]) -> LazySamples:
+        """Return a part, one slice an axis, with the step 1 or -1."""
+        index = list(self.index)
+        for axis, cut in enumerate(cuts):
+            index[self.order[axis]] = self._range(axis)[cut]
+        return replace(self, index=tuple(index))
+
+    def read(self) -> NDArray[Any]:
+        """Return the samples."""
+        cuts = tuple(
+            one if isinstance(one, int) else slice(min(one), max(one) + 1) if one else slice(0, 0) for one in self.index
+        )
+        kept = [number for number, one in enumerate(self.index) if not isinstance(one, int)]
+        found = np.asarray(self.fetch(cuts)).transpose([kept.index(number) for number in self.order])
+        turned: NDArray[Any] = np.flip(found, tuple(axis for axis in range(self.ndim) if self._range(axis).step < 0))
+        return turned
+
+
 class _Plan:
     """Which parts of an array are fetched at once: those that take the least time."""
 

@@ -14,15 +14,16 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import file_path, instance, shown
+from sheetsplat._rows import pieces
 from sheetsplat.errors import complain
-from sheetsplat.fields import EllipsoidField
+from sheetsplat.fields import EllipsoidField, periodic_box
 from sheetsplat.io import numpy_files, pictures
-from sheetsplat.io.checks import Where, finite_points, finite_values, listed, pieces, unreadable
+from sheetsplat.io.checks import Where, listed, unreadable
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
 from sheetsplat.io.source import Source
 
-_OWN = ("centers", "scales", "radii", "rotations", "weights")
+_OWN = ("centers", "scales", "radii", "rotations", "weights", "periodic")
 _NUMBERS = ("w0", "falloff", "cell_volume", "base")
 # Arrays of positions, three numbers a row.
 _CENTERS = ("centers", "points", "positions", "position", "coordinates")
@@ -44,14 +45,14 @@ def holds_ellipsoids(source: Source) -> bool:
 def read_npz(source: Source, scalar: str | None = None) -> Scattered:
     """Read ellipsoids: arrays centers (N, 3), scales (N, 3) or (N,), or radii (N,), values, rotations, weights.
 
-    Rotations are quaternions w, x, y, z, (N, 4). The numbers w0, falloff, cell_volume and base and the text
-    normalization of `save_npz` are optional. Without scales and radii the rows are points. Every other array of N rows
-    can be the scalar; "values" unless another is named.
+    Rotations are quaternions w, x, y, z, (N, 4). The numbers w0, falloff, cell_volume and base, the box periodic, (2,
+    3), and the text normalization of `save_npz` are optional. Without scales and radii the rows are points. Every other
+    array of N rows can be the scalar; "values" unless another is named.
 
     Raises
     ------
     InvalidInput
-        For missing or additional rows, anything pickled, and numbers that are not finite.
+        For missing or additional rows, and anything pickled.
     """
     path = source.path
     arrays, texts = numpy_files.read_arrays(source, most=_MOST_COLUMNS)
@@ -67,6 +68,7 @@ def read_npz(source: Source, scalar: str | None = None) -> Scattered:
         "radii": (one,),
         "rotations": ((count, 4),),
         "weights": (one,),
+        "periodic": ((2, 3),),
         "values": (one, (count, *arrays["values"].shape[1:2])) if "values" in arrays else (),
         **dict.fromkeys(_NUMBERS, ((),)),
         # (As a column it may be the scalar.)
@@ -91,8 +93,8 @@ def read_npz(source: Source, scalar: str | None = None) -> Scattered:
         name: float(arrays[name]) for name in _NUMBERS if name in arrays and not arrays[name].ndim
     }
     return Scattered(
-        finite_points(path, points.astype(np.float64)),
-        finite_values(path, name, column_of(rows[base], column)),
+        points.astype(np.float64),
+        column_of(rows[base], column),
         name,
         "npz, ellipsoids",
         scalar_names(widths),
@@ -100,6 +102,7 @@ def read_npz(source: Source, scalar: str | None = None) -> Scattered:
         rotations=_optional(arrays.get("rotations")),
         weights=_optional(arrays.get("weights")),
         normalization=texts.get("normalization"),
+        periodic=periodic_box(str(path), arrays.get("periodic")),
         **numbers,
     )
 
@@ -136,7 +139,7 @@ def save_npz(field: EllipsoidField, path: str | os.PathLike[str]) -> None:
     target = file_path("the field cannot be saved", path, "a path that ends with .npz")
     if target.suffix.lower() != ".npz":
         raise complain(f"{target} cannot be written", f"the suffix {target.suffix!r}", ".npz")
-    names = ("centers", "scales", "rotations", "values", "weights", "normalization", *_NUMBERS)
+    names = ("centers", "scales", "rotations", "values", "weights", "normalization", "periodic", *_NUMBERS)
     arrays = {name: getattr(field, name) for name in names if getattr(field, name) is not None}
     pictures.check_folder(target)
     with pictures.whole_file(target) as made, made.open("wb") as stream:
@@ -233,7 +236,7 @@ def read_csv(source: Source, scalar: str | None = None) -> Scattered:
     Raises
     ------
     InvalidInput
-        For missing columns, rows of other lengths, and what is no finite number.
+        For missing columns, rows of other lengths, and what is no number.
     """
     path = source.path
     names, part = _lines(source)
@@ -266,8 +269,8 @@ def _of_columns(
     radius, weight = picked("radius"), picked("weight")
     scales = picked("sx", "sy", "sz") if radius is None else radius[:, 0]
     return Scattered(
-        finite_points(where, points),
-        finite_values(where, name, column_of(columns[base], column)),
+        points,
+        column_of(columns[base], column),
         name,
         file_format,
         scalar_names(widths),
@@ -297,7 +300,7 @@ def read_columns(data: Any, where: Where, scalar: str | None = None) -> Scattere
     Raises
     ------
     InvalidInput
-        For missing columns, other lengths, and what is no finite number.
+        For missing columns, and other lengths.
     """
     columns: dict[str, NDArray[Any]] = {}
     names = list(data.keys() if isinstance(data, Mapping) else data.columns)

@@ -6,6 +6,7 @@ them as no pages. In a child 64 MB would take 0.15 s in place of 0.03 s.
 
 from __future__ import annotations
 
+import html
 import math
 import re
 import zlib
@@ -15,23 +16,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat import _memory
-from sheetsplat._checks import Triple, triple
-from sheetsplat.errors import Unsupported, complain
-from sheetsplat.io.checks import checked_shape, printable, sides, unreadable
+from sheetsplat import _memory, notices
+from sheetsplat._checks import shown, triple
+from sheetsplat.errors import Unsupported, complain, option_ref
+from sheetsplat.io.checks import (
+    checked_shape,
+    chosen_channel,
+    chosen_step,
+    floats,
+    natural,
+    printable,
+    sides,
+    unreadable,
+)
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import DEFLATE_RATIO, Folder, Source
-from sheetsplat.quantity import Quantity
 
 _MOST_PAGES = 100_000
 # Compressions of TIFF, and by how much each can shrink data: 4096 bytes to 12 bits, 128 bytes to two bytes.
 _RATIOS = {1: 1, 5: 2731, 8: DEFLATE_RATIO, 32946: DEFLATE_RATIO, 32773: 64}
 _DEFLATE = (8, 32946)
 _SLACK = 4096
-_PHYSICAL = re.compile(r'PhysicalSize([XYZ])="([0-9.eE+-]{1,40})"')
-_UNIT = re.compile(r'PhysicalSize[XYZ]Unit="([^"]{1,20})"')
-_IMAGEJ = ("channels", "slices", "frames")
-_SIZE = re.compile(r'Size([CT])="([0-9]{1,9})"')
+# The first element Pixels of OME, one of its attributes, and what channels are called.
+_PIXELS = re.compile(r"<(?:\w{1,20}:)?Pixels\s([^>]{0,4000})>")
+_ATTRIBUTE = re.compile(r"""(\w{1,40})\s?=\s?["']([^"']{0,60})["']""")
+_LABEL = re.compile(r"""<(?:\w{1,20}:)?Channel\s[^>]{0,1000}?\bName\s?=\s?["']([^"']{1,60})["']""")
+# Tags of GeoTIFF about places on the earth.
+_GEO = {33550: "ModelPixelScaleTag", 33922: "ModelTiepointTag", 34264: "ModelTransformationTag"}
 
 
 def _check_page(path: Path, number: int, page: Any) -> None:
@@ -75,8 +86,8 @@ def _check_segments(path: Path, page: Any, handle: Any) -> None:
             raise unreadable(path, f"more than {most} bytes in a part of a page", "at most as many as the page has")
 
 
-def _pages(path: Path, stream: Any) -> tuple[NDArray[Any], Any]:
-    """Return the pages of a file as [page, row, column], and what was written about them."""
+def _pages(path: Path, stream: Any, name: str | None, step: int | None) -> tuple[NDArray[Any], Any]:
+    """Return the pages of one channel and one time step as [page, row, column], and what was written about them."""
     import tifffile  # type: ignore[import-not-found, unused-ignore]
 
     # OME-TIFF may name other files, which are not opened: its pages are those of this file.
@@ -86,19 +97,15 @@ def _pages(path: Path, stream: Any) -> tuple[NDArray[Any], Any]:
             raise unreadable(path, f"{count} pages", f"1 to {_MOST_PAGES}")
         first = file.pages.first
         _check_page(path, 0, first)
-        told: dict[str, Any] = {
-            "imagej": dict(file.imagej_metadata or {}),
-            "description": str(first.description or "")[:100_000],
-            "resolution": [_ratio(first, name) for name in ("XResolution", "YResolution")],
-            "unit": int(first.tags.valueof("ResolutionUnit", 1)),
-        }
-        planes = int(told["imagej"].get("images", 1)) if count == 1 else 1
-        if planes > 1:
+        told = _told(file)
+        planes = told["imagej"].get("images", 1) if count == 1 else count
+        chosen = _chosen_pages(path, told, planes if isinstance(planes, int) else 1, name, step)
+        if isinstance(planes, int) and planes > count:
             # ImageJ writes one header for stacks of more than 4 GB.
-            return _bare_stack(path, stream, first, planes), told
-        _memory.require(2 * count * first.nbytes, f"the pages of {path}")
-        values: NDArray[Any] = np.empty((count, *first.shape), first.dtype)
-        for number in range(count):
+            return _bare_stack(path, stream, first, chosen), told
+        _memory.require(2 * len(chosen) * first.nbytes, f"the pages of {path}")
+        values: NDArray[Any] = np.empty((len(chosen), *first.shape), first.dtype)
+        for at, number in enumerate(chosen):
             page = file.pages[number].aspage() if number else first
             if page.shape != first.shape or page.dtype != first.dtype:
                 found = f"page {number} of {page.shape}, {page.dtype}"
@@ -106,22 +113,83 @@ def _pages(path: Path, stream: Any) -> tuple[NDArray[Any], Any]:
                 raise unreadable(path, found, f"{first.shape}, {first.dtype}, as page 0 has", advice)
             _check_page(path, number, page)
             _check_segments(path, page, file.filehandle)
-            values[number] = page.asarray()
+            values[at] = page.asarray()
         return values, told
 
 
-def _bare_stack(path: Path, stream: Any, page: Any, planes: int) -> NDArray[Any]:
-    checked_shape(path, (planes, *page.shape), "the size of the stack")
+def _told(file: Any) -> dict[str, Any]:
+    """Return what a file says about its pages."""
+    first = file.pages.first
+    text = str(first.description or "")[:100_000]
+    found = _PIXELS.search(text) if "<OME" in text else None
+    return {
+        "imagej": dict(file.imagej_metadata or {}),
+        "ome": {key: html.unescape(value) for key, value in _ATTRIBUTE.findall(found[1])} if found else {},
+        "labels": [html.unescape(one) for one in _LABEL.findall(text)] if found else [],
+        "resolution": [_ratio(first, name) for name in ("XResolution", "YResolution")],
+        "unit": int(first.tags.valueof("ResolutionUnit", 1)),
+        "geo": {name: first.tags.valueof(code) for code, name in _GEO.items() if code in first.tags},
+    }
+
+
+def _axes(path: Path, told: Any, pages: int) -> dict[str, int]:
+    """Return the numbers of slices, channels and time steps as Z, C and T; that of the fastest among pages comes first.
+
+    Stacks of ImageJ whose slices are called frames or channels are common: a single axis is that of slices.
+    """
+    ome, imagej = told["ome"], told["imagej"]
+    stated = {"C": "channels", "Z": "slices", "T": "frames"}
+    if ome:
+        order = [axis for axis in ome.get("DimensionOrder", "XYZCT")[2:] if axis in "ZCT"]
+        sizes = {axis: natural(path, f"Size{axis}", ome.get(f"Size{axis}", "1")) for axis in order}
+    else:
+        sizes = {axis: imagej[name] if isinstance(imagej.get(name), int) else 1 for axis, name in stated.items()}
+        if sum(count > 1 for count in sizes.values()) < 2:
+            return {"Z": pages}
+    if all(sizes.get(axis, 1) == 1 for axis in "CT"):
+        return {"Z": pages}
+    if math.prod(sizes.values()) != pages:
+        found = " and ".join(f"{count} of axis {axis}" for axis, count in sizes.items())
+        raise unreadable(path, f"{pages} pages for {found}", "as many pages as there are of all axes together",
+                         "put all pages into one file")  # fmt: skip
+    return sizes
+
+
+def _chosen_pages(path: Path, told: Any, pages: int, name: str | None, step: int | None) -> list[int]:
+    """Return the numbers of the pages of one channel and one time step."""
+    sizes = _axes(path, told, pages)
+    if sizes.get("Z", 1) == 1 and pages > 1:
+        found = " and ".join(f"{count} of axis {axis}" for axis, count in sizes.items()) + ": one slice each"
+        advice = "to show them as slices, pass tifffile.imread(path)"
+        raise unreadable(path, found, "several slices, of a volume", advice)
+    at = {
+        "T": chosen_step(path, sizes.get("T", 1), step),
+        "C": chosen_channel(path, sizes.get("C", 1), told["labels"], name),
+    }
+    first, stride, between = 0, 1, 1
+    for axis, count in sizes.items():
+        if axis == "Z":
+            between = stride
+        else:
+            first += at[axis] * stride
+        stride *= count
+    return [first + number * between for number in range(sizes.get("Z", 1))]
+
+
+def _bare_stack(path: Path, stream: Any, page: Any, chosen: list[int]) -> NDArray[Any]:
+    shape = checked_shape(path, (len(chosen), *page.shape), "the size of the stack")
     dtype = np.dtype(page.dtype).newbyteorder(page.parent.byteorder)
-    count = planes * math.prod(page.shape)
-    stream.seek(page.dataoffsets[0])
     if int(page.compression) != 1:
         raise unreadable(path, "a packed stack with one header", "one header a page")
-    _memory.require(count * dtype.itemsize, f"the pages of {path}")
-    data = stream.read(count * dtype.itemsize)
-    if len(data) < count * dtype.itemsize:
-        raise unreadable(path, f"{len(data)} bytes of pages", f"{count * dtype.itemsize}, as its header says")
-    return np.frombuffer(data, dtype).reshape(planes, *page.shape)
+    _memory.require(math.prod(shape) * dtype.itemsize, f"the pages of {path}")
+    size = math.prod(page.shape) * dtype.itemsize
+    pieces = []
+    for number in chosen:
+        stream.seek(page.dataoffsets[0] + number * size)
+        pieces.append(stream.read(size))
+        if len(pieces[-1]) < size:
+            raise unreadable(path, f"{len(pieces[-1])} bytes of page {number}", f"{size}, as its header says")
+    return np.frombuffer(b"".join(pieces), dtype).reshape(shape)
 
 
 def _ratio(page: Any, name: str) -> float:
@@ -133,71 +201,96 @@ def _ratio(page: Any, name: str) -> float:
         return 0.0
 
 
-def _placement(path: Path, told: Any) -> tuple[Triple, str]:
-    """Return spacing and its unit from what OME or ImageJ wrote, or from the resolution alone; 1 and "" without."""
-    text = told["description"]
-    if "<OME" in text:
-        channels = {name: int(count) for name, count in _SIZE.findall(text)}
-        if any(count > 1 for count in channels.values()):
-            found = " and ".join(f"{count} of axis {name}" for name, count in channels.items() if count > 1)
-            raise unreadable(path, found, "one channel and one time step", "choose one of them")
-        found_sizes = {axis: float(size) for axis, size in _PHYSICAL.findall(text)}
-        units = set(_UNIT.findall(text)) or {"µm"}
-        if {"X", "Y"} <= found_sizes.keys() and len(units) == 1 and all(size > 0 for size in found_sizes.values()):
-            steps = found_sizes["X"], found_sizes["Y"], found_sizes.get("Z", found_sizes["X"])
-            return triple("PhysicalSize", steps), printable(units.pop())
-        return (1.0, 1.0, 1.0), ""
-    imagej = told["imagej"]
-    # Stacks whose slices are called frames or channels are common.
-    several = [f"{imagej[name]} {name}" for name in _IMAGEJ if isinstance(imagej.get(name), int) and imagej[name] > 1]
-    if len(several) > 1:
-        raise unreadable(path, " and ".join(several), "slices of one channel and one time step", "choose one of them")
-    x, y = told["resolution"]
-    unit = printable(imagej.get("unit")) or {2: "inch", 3: "cm"}.get(told["unit"], "")
-    gap = imagej.get("spacing")
-    if not (imagej and math.isfinite(x) and math.isfinite(y) and x > 0 and y > 0 and unit):
+def _placement(path: Path, told: Any) -> dict[str, Any]:
+    """Return the fields of a volume that say where its samples lie, from what OME or ImageJ wrote."""
+    ome, imagej = told["ome"], told["imagej"]
+    if told["geo"]:
+        text = "; ".join(f"{name} = {shown(value)}" for name, value in told["geo"].items())
+        notices.warn(f"{path}: {text} do not place the pages; pass " + option_ref("spacing", "...")
+                     + " and " + option_ref("origin", "..."))  # fmt: skip
+    if ome:
+        stated = [ome.get(f"PhysicalSize{axis}") for axis in "XYZ"]
+        if stated[0] is None or stated[1] is None:
+            return {}
+        steps = floats(path, "PhysicalSize", [*stated[:2], stated[0] if stated[2] is None else stated[2]], 3)
+        if min(steps) <= 0:
+            raise unreadable(path, f"PhysicalSize {steps}", "numbers above 0")
+        units = [printable(ome.get(f"PhysicalSize{axis}Unit", "µm")) for axis in "XYZ"]
+        return {"spacing": triple("spacing", steps), "units": (*units[:2], units[0] if stated[2] is None else units[2])}
+    if not imagej:
         # Resolutions of 72 dots an inch are no distance of samples.
-        return (1.0, 1.0, 1.0), ""
-    z = float(gap) if isinstance(gap, int | float) and math.isfinite(gap) and gap != 0 else 1.0 / x
-    unit = "µm" if unit.lower() in ("micron", "um", "\\u00b5m") else unit
-    return triple("resolution", (1.0 / x, 1.0 / y, abs(z))), unit
+        return {}
+    x, y = (one if math.isfinite(one) and one > 0 else 1.0 for one in told["resolution"])
+    unit = printable(imagej.get("unit")) or {2: "inch", 3: "cm"}.get(told["unit"], "")
+    # What the places of coordinates are is said in samples.
+    gap, *first = (_number(imagej.get(name)) for name in ("spacing", "xorigin", "yorigin", "zorigin"))
+    steps = [1.0 / x, 1.0 / y, abs(gap) or 1.0 / x]
+    return {
+        "spacing": triple("spacing", steps),
+        "origin": triple("origin", [0.0 - at * step for at, step in zip(first, steps, strict=True)]),
+        "units": (unit, *(printable(imagej.get(name)) or unit for name in ("yunit", "zunit"))),
+    }
 
 
-def read(source: Source | Folder) -> Volume:
+def _number(told: object) -> float:
+    """Return a finite number; 0 for anything else."""
+    return float(told) if isinstance(told, int | float) and math.isfinite(told) else 0.0
+
+
+def count_steps(source: Source | Folder, name: str | None = None) -> int:
+    """Return the number of time steps."""
+    import tifffile  # type: ignore[import-not-found, unused-ignore]
+
+    if isinstance(source, Folder):
+        return 1
+    source.stream.seek(0)
+    with tifffile.TiffFile(source.stream, name=source.path.name, is_ome=False, is_shaped=False) as file:
+        told, count = _told(file), len(file.pages)
+        planes = told["imagej"].get("images", 1) if count == 1 else count
+        return _axes(source.path, told, planes if isinstance(planes, int) else 1).get("T", 1)
+
+
+def read(source: Source | Folder, name: str | None = None, step: int | None = None) -> Volume:
     """Read a stack: the pages are slices along z, the first row lies at the least y.
 
-    Spacing and unit are those that OME or ImageJ wrote. In a folder the files are taken by their names, slice2 before
+    Spacing and units are those that OME or ImageJ wrote. In a folder the files are taken by their names, slice2 before
     slice10, and each has one page.
+
+    Parameters
+    ----------
+    source
+    name
+        The channel, by label or number, where there are several.
+    step
+        One of several time steps, from 0 on.
 
     Raises
     ------
     InvalidInput
-        For pages of different sizes or types, colours, several channels or time steps, and pages that unpack to more
-        than their size says.
+        For pages of different sizes or types, colours, several channels or time steps of which none is chosen, and
+        pages that unpack to more than their size says.
     Unsupported
         For compressions beside deflate, LZW and PackBits.
     """
     path = source.path
     if isinstance(source, Folder):
-        values, told = _slices(source)
+        values, told = _slices(source, name, step)
     else:
-        stream = source.stream
-        stream.seek(0)
-        values, told = _pages(path, stream)
+        source.stream.seek(0)
+        values, told = _pages(path, source.stream, name, step)
     if 1 in values.shape[:1] and isinstance(source, Source):
         raise unreadable(path, f"one page of {sides(values.shape[1:])}", "several: the slices of a volume")
-    spacing, unit = _placement(path, told)
-    return Volume(values, spacing, format="tiff", quantity=Quantity(length_unit=unit))
+    return Volume(values, format="tiff", **_placement(path, told))
 
 
-def _slices(folder: Folder) -> tuple[NDArray[Any], Any]:
+def _slices(folder: Folder, name: str | None, step: int | None) -> tuple[NDArray[Any], Any]:
     files = [one for one in folder.files() if one.suffix.lower() in (".tif", ".tiff", ".gz")]
     values: NDArray[Any] | None = None
     told: Any = {}
     for number, file in enumerate(files):
         with Source(file) as source:
             source.stream.seek(0)
-            page, about = _pages(file, source.stream)
+            page, about = _pages(file, source.stream, name, step)
         if values is None:
             told = about
             _memory.require(2 * len(files) * page.nbytes, f"the slices of {folder.path}")

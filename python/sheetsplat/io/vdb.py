@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from sheetsplat import _memory
-from sheetsplat._checks import shown
+from sheetsplat._checks import shown, triple
 from sheetsplat.errors import Unsupported, complain, option_ref
-from sheetsplat.io.axes import nearest_the_world
 from sheetsplat.io.checks import checked_shape, listed, printable, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
@@ -70,7 +69,11 @@ def read(source: Source, name: str | None = None) -> Volume:
         np.asarray(grid.transform.indexToWorld(tuple((low + step).tolist())), dtype=np.float64)
         for step in ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
     )
-    steps = np.stack(ends) - first
-    placed = nearest_the_world(path, "the transform", steps, first, np.ascontiguousarray(values.T), None)
-    details = {"content": printable(name), **placed.details}
-    return Volume(placed.values, placed.spacing, placed.origin, "openvdb", details, Quantity(printable(name)))
+    return Volume(
+        np.ascontiguousarray(values.T),
+        origin=triple("origin", first),
+        format="openvdb",
+        details={"content": printable(name)},
+        quantity=Quantity(printable(name)),
+        axes=np.stack(ends) - first,
+    )

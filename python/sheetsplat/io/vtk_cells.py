@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.io.checks import Where, finite_values, unreadable
+from sheetsplat.io.checks import Where, unreadable
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.vtk_grids import Picked
 
@@ -156,10 +156,10 @@ class Meshes:
         self._count += len(points)
 
     def scattered(self, picked: Picked, file_format: str) -> Scattered:
-        """Return all pieces with the scalar that is shown; InvalidInput for values that are not finite."""
+        """Return all pieces with the scalar that is shown."""
         return Scattered(
             np.concatenate(self._points),
-            finite_values(self.where, picked.name, np.concatenate(self._values)),
+            np.concatenate(self._values),
             picked.name,
             file_format,
             picked.known,

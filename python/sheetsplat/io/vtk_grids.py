@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.io.axes import Placed, nearest_the_world, on_even_axes
+from sheetsplat._checks import triple
+from sheetsplat.io.axes import on_even_axes
 from sheetsplat.io.checks import Where, printable, unreadable
 from sheetsplat.io.records import Floats, Volume
 from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
@@ -87,16 +88,19 @@ def sizes_of(extent: Sequence[int]) -> list[int]:
     return [last - first + 1 for first, last in zip(extent[::2], extent[1::2], strict=True)]
 
 
-def _volume(
-    where: Where, picked: Picked, values: NDArray[Any], points: Sequence[int], place: Any, file_format: str
-) -> Volume:
+def _samples(where: Where, picked: Picked, values: NDArray[Any], points: Sequence[int]) -> NDArray[Any]:
+    """Return the values of the points, or of the cells between them, as samples [k, j, i]."""
     counts = counts_of(points, of_cells=picked.of_cells)
     if values.size != np.prod(counts, dtype=np.int64) or not values.size:
         raise unreadable(where, f"{values.size} values of {picked.name!r}", " x ".join(map(str, counts)))
-    placed: Placed = place(values.reshape(counts[::-1]))
+    return values.reshape(counts[::-1])
+
+
+def _told(picked: Picked) -> dict[str, Any]:
+    """Return the fields of a volume that say what its samples are."""
     name = printable(picked.name)
-    details = {"content": name, "scalar of": "the cells" if picked.of_cells else "the points", **placed.details}
-    return Volume(placed.values, placed.spacing, placed.origin, file_format, details, Quantity(name))
+    details = {"content": name, "scalar of": "the cells" if picked.of_cells else "the points"}
+    return {"details": details, "quantity": Quantity(name)}
 
 
 def image(
@@ -110,8 +114,6 @@ def image(
     file_format: str,
 ) -> Volume:
     """Return an image as a volume; cells have their values at their middles.
-
-    Images that are turned keep their own axes (`axes.nearest_the_world`).
 
     Parameters
     ----------
@@ -129,11 +131,8 @@ def image(
     steps = np.reshape(np.asarray(direction, np.float64), (3, 3)).T * np.asarray(spacing, np.float64)[:, None]
     first = np.asarray(extent[::2], dtype=np.float64) + 0.5 * picked.of_cells
     start = np.asarray(origin, dtype=np.float64) + first @ steps
-
-    def place(samples: NDArray[Any]) -> Placed:
-        return nearest_the_world(where, "Spacing and Direction", steps, start, samples, None)
-
-    return _volume(where, picked, values, sizes_of(extent), place, file_format)
+    samples = _samples(where, picked, values, sizes_of(extent))
+    return Volume(samples, origin=triple("origin", start), format=file_format, axes=steps, **_told(picked))
 
 
 def rectilinear(
@@ -144,8 +143,7 @@ def rectilinear(
     Raises InvalidInput for uneven coordinates unless `resample` is true.
     """
     places = [0.5 * (along[1:] + along[:-1]) if picked.of_cells and along.size > 1 else along for along in points]
-
-    def place(samples: NDArray[Any]) -> Placed:
-        return on_even_axes(where, ("x", "y", "z"), places, samples, resample=resample)
-
-    return _volume(where, picked, values, [along.size for along in points], place, file_format)
+    samples = _samples(where, picked, values, [along.size for along in points])
+    made = on_even_axes(where, ("x", "y", "z"), places, samples, resample=resample)
+    found = Volume(made.values, made.spacing, made.origin, file_format, **_told(picked))
+    return replace(found, details=found.details | made.details)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat._checks import shown
-from sheetsplat.io.checks import checked_shape, chosen_step, finite_points, floats, printable, require_rows, unreadable
+from sheetsplat.io.checks import checked_shape, chosen_step, floats, printable, require_rows, unreadable
 from sheetsplat.io.hdf5_access import attribute, check_stored, checked, inside, read_rows
 from sheetsplat.io.records import Scattered, Volume
 from sheetsplat.io.source import Source
@@ -237,7 +237,7 @@ def _mesh(path: Path, group: Any, kind: str, scalar: str | None, number: int | N
             raise unreadable(path, f"Points of {points.shape}", "(N, 3)")
         types = np.empty(0, np.int64) if all_types is None else all_types[part].astype(np.int64)
         cells: Cells = joined([one.of(part, count) for one in lists], types.reshape(-1))
-        meshes.add(finite_points(path, points.astype(np.float64)), cells, values[part].astype(np.float64))
+        meshes.add(points.astype(np.float64), cells, values[part].astype(np.float64))
     return meshes.scattered(picked, "vtkhdf")
 
 

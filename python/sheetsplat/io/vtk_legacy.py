@@ -20,7 +20,6 @@ from sheetsplat._checks import shown
 from sheetsplat.errors import Error
 from sheetsplat.io.checks import (
     checked_shape,
-    finite_points,
     floats,
     natural,
     numbers_in_text,
@@ -458,7 +457,7 @@ def read_mesh(source: Source, scalar: str | None = None) -> Scattered:
         if kind not in _MESHES:
             raise unreadable(path, f"a data set of type {shown(kind)}", ", ".join(_VOLUMES + _MESHES))
         require_rows(path, chosen.contents.slots["POINTS"].rows if "POINTS" in chosen.contents.slots else 0)
-        points = finite_points(path, chosen.read("POINTS").astype(np.float64).reshape(-1, 3))
+        points = chosen.read("POINTS").astype(np.float64).reshape(-1, 3)
         if kind == "STRUCTURED_GRID":
             counts = sizes_of(chosen.extent())
             if math.prod(counts) != len(points):

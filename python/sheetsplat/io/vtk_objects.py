@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.io.checks import Where, finite_points, require_rows, unreadable
+from sheetsplat.io import amr
+from sheetsplat.io.checks import Where, require_rows, unreadable
 from sheetsplat.io.records import Floats, Scattered, Volume
 from sheetsplat.io.vtk_cells import HEXAHEDRON, Cells, hexahedra_of, joined, one_mesh, same_cells
 from sheetsplat.io.vtk_grids import Picked, image, pick, rectilinear
@@ -63,7 +64,7 @@ def _points(data: Any, where: Where) -> Floats:
     if not count:
         raise unreadable(where, "no points", "at least one")
     require_rows(where, count)
-    return finite_points(where, _numbers(points.GetData()).astype(np.float64))
+    return _numbers(points.GetData()).astype(np.float64)
 
 
 def _scattered(data: Any, where: Where, scalar: str | None, cells: Cells, file_format: str) -> Scattered:
@@ -110,6 +111,18 @@ def read_surface(data: Any, where: Where, scalar: str | None = None) -> Scattere
     # The order in which VTK counts cells.
     groups = [data.GetVerts(), data.GetLines(), data.GetPolys(), data.GetStrips()]
     return _scattered(data, where, scalar, _lists(groups, np.empty(0, np.int64)), "vtk surface")
+
+
+def read_amr(data: Any, where: Where, scalar: str | None = None) -> Scattered:
+    """Return the cells of overlapping AMR that no finer level covers; raises InvalidInput for unknown scalars."""
+    # Older versions of VTK have other names.
+    count_of = getattr(data, "GetNumberOfBlocks", None) or data.GetNumberOfDataSets
+    block_of = getattr(data, "GetDataSetAsImageData", None) or data.GetDataSet
+    levels = []
+    for level in range(data.GetNumberOfLevels()):
+        blocks = [block_of(level, number) for number in range(count_of(level))]
+        levels.append([read_image(one, where, scalar) for one in blocks if one is not None])
+    return amr.scattered(where, levels, "vtk amr")
 
 
 def read_blocks(data: Any, where: Where, **options: Any) -> Volume | Scattered:

@@ -1,47 +1,32 @@
 """Zarr and OME-Zarr in folders: an array with three axes, or the scale of a picture that fits into memory.
 
-The metadata are read here before Zarr reads them: codecs that run code or unpack without a bound are refused, and so
-are links out of the folder.
+What is read of them is checked by `zarr_chunks`.
 """
 
 from __future__ import annotations
 
-import itertools
-import json
 import math
-import os
-import stat
-import struct
-import zlib
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO
-
-import numpy as np
+from typing import Any
 
 from sheetsplat import _memory
-from sheetsplat._checks import Triple, shown, triple
-from sheetsplat.errors import Error, InvalidInput, Unsupported, complain, option_ref
-from sheetsplat.io.checks import checked_shape, chosen_step, floats, listed, printable, unreadable
+from sheetsplat._checks import shown, triple
+from sheetsplat.errors import InvalidInput, option_ref
+from sheetsplat.io.cf import READ, Coordinate, NamedArray, dimension_names
+from sheetsplat.io.checks import chosen_channel, chosen_step, floats, listed, printable, unreadable
 from sheetsplat.io.records import Volume
-from sheetsplat.io.source import DEFLATE_RATIO, Folder, guarded
-from sheetsplat.quantity import Quantity
+from sheetsplat.io.source import Folder
+from sheetsplat.io.stored import LazySamples
+from sheetsplat.io.zarr_chunks import Grid, attributes_of, below, is_array, metadata_of, read_array
 
-_LONGEST_METADATA = 1 << 20
-_METADATA = (".zarray", ".zattrs", ".zgroup", ".zmetadata", "zarr.json")
-_MOST_FILES = 1_000_000
-_SLACK = 4096
-# Filters that neither run code nor change sizes by much.
-_PLAIN = ("bytes", "endian", "transpose", "crc32c", "crc32", "shuffle", "delta", "bitround", "fixedscaleoffset",
-          "adler32", "fletcher32")  # fmt: skip
-# Compressors whose data say how long they are unpacked, and those with a known ratio.
-_PACKED = ("blosc", "zstd", "lz4", "zlib", "gzip")
-# Several chunks in a file.
-_SHARDS = "sharding_indexed"
-_UNITS = {"micrometer": "µm", "nanometer": "nm", "millimeter": "mm", "meter": "m", "angstrom": "Å"}
 # Of the memory that is available, the share that the samples of a picture may take: they are copied and prefiltered.
 _SHARE = 0.2
+# Folders of a group that are looked at, and how deep: wells of plates have rows, columns and fields.
+_MOST_FOLDERS = 10_000
+_DEEPEST = 4
 
 
 @dataclass(frozen=True)
@@ -52,371 +37,202 @@ class Located:
     ----------
     path
         The folder of the array.
-    index
-        For each of its axes a number, or slice(None) along z, y and x.
-    order
-        Which of the axes with slice(None) runs along z, y, x.
-    shape, dtype
-        (nk, nj, ni), and the type of the samples as stored.
-    spacing, origin, format, details, quantity
-        Those of `Volume`.
+    volume
+        Its values are `LazySamples`.
     """
 
     path: Path
-    index: tuple[Any, ...]
-    order: tuple[int, ...]
-    shape: tuple[int, ...]
-    dtype: np.dtype[Any]
-    spacing: Triple = (1.0, 1.0, 1.0)
-    origin: Triple = (0.0, 0.0, 0.0)
-    format: str = "zarr"
-    details: dict[str, str] = field(default_factory=dict)
-    quantity: Quantity = Quantity()
+    volume: Volume
 
-    def volume(self) -> Volume:
-        """Return the volume with all its samples, after all checks."""
-        values = _read_array(self.path, self.index).transpose(self.order)
-        return Volume(values, self.spacing, self.origin, self.format, self.details, self.quantity)
-
-    def part(self, box: tuple[tuple[int, int], ...]) -> Any:
-        """Return the samples of a box, ((k0, k1), (j0, j1), (i0, i1)), after checks of the chunks that hold them."""
-        cuts = [slice(None)] * 3
-        for axis, (first, last) in zip(self.order, box, strict=True):
-            cuts[axis] = slice(first, last)
-        rest = iter(cuts)
-        index = tuple(next(rest) if one == slice(None) else one for one in self.index)
-        return _read_array(self.path, index).transpose(self.order)
+    @property
+    def bytes(self) -> int:
+        """Bytes of all samples."""
+        samples = self.volume.values
+        return int(samples.size) * samples.dtype.itemsize
 
 
-def _metadata(path: Path, name: str) -> dict[str, Any]:
-    file = path / name
-    if not file.is_file() or file.is_symlink():
-        return {}
-    with file.open("rb") as stream:
-        text = stream.read(_LONGEST_METADATA + 1)
-    found = json.loads(text) if len(text) <= _LONGEST_METADATA else None
-    if not isinstance(found, dict):
-        raise unreadable(file, "metadata that are no object, or too long", "the metadata of a Zarr array or group")
-    return found
+def _named(path: Path) -> NamedArray:
+    """Return an array with the names of its dimensions, and the coordinates that lie beside it in its group."""
+    grid, told = Grid.of(path), attributes_of(path)
+    attributes = {name: told[name] for name in READ if name in told}
+    older = metadata_of(path, ".zarray")
+    names = told.get("_ARRAY_DIMENSIONS") if older else metadata_of(path, "zarr.json").get("dimension_names")
+    if not (isinstance(names, list) and len(names) == len(grid.shape)):
+        names = [None] * len(grid.shape)
+    elif older and older.get("fill_value") is not None:
+        # Where dimensions are named, what chunks are filled with is the fill value of the conventions.
+        attributes.setdefault("_FillValue", older["fill_value"])
+    dimensions = dimension_names(names)
+    samples = LazySamples.of(partial(read_array, path), grid.dtype, grid.shape)
+    title = "" if path.suffix == ".zarr" else path.name
+    return placed_beside(path, NamedArray(path, title, dimensions, samples, attributes))
 
 
-def _attributes(path: Path) -> dict[str, Any]:
-    newer = _metadata(path, "zarr.json").get("attributes")
-    return newer if isinstance(newer, dict) else _metadata(path, ".zattrs")
+def placed_beside(path: Path, one: NamedArray) -> NamedArray:
+    """Return an array with the coordinates that lie beside it in its group, by the folder of the array."""
+    group = path.parent
+    if not _is_group(group):
+        return one
+    places = zip(one.dimensions, one.samples.shape, strict=True)
+    found = {name: _coordinate(group, str(name), size) for name, size in places}
+    others = str(one.attributes.get("coordinates", "")).split()
+    curved = tuple(name for name in others if _dimensions_of(group, name) > 1)
+    return replace(one, coordinates={name: there for name, there in found.items() if there is not None}, curved=curved)
 
 
-def _is_array(path: Path) -> bool:
-    return (path / ".zarray").is_file() or _metadata(path, "zarr.json").get("node_type") == "array"
+def _is_group(path: Path) -> bool:
+    return (path / ".zgroup").is_file() or metadata_of(path, "zarr.json").get("node_type") == "group"
 
 
-def _below(root: Path, name: object) -> Path:
-    """Return a folder inside of the root by its path; InvalidInput for others."""
-    parts = str(name).strip("/").split("/")
-    if not isinstance(name, str) or any(part in ("", ".", "..") or "\0" in part or "\\" in part for part in parts):
-        raise unreadable(root, f"a path {shown(name)}", "the path of an array in this folder")
-    return root.joinpath(*parts)
-
-
-def _codecs(path: Path) -> list[tuple[str, Any]]:
-    """Return the codecs of an array by name; InvalidInput for those that are not known."""
-    older = _metadata(path, ".zarray")
-    if older:
-        listed_codecs = [*(older.get("filters") or []), *([older["compressor"]] if older.get("compressor") else [])]
-        found = [(str(one.get("id", "")), one) for one in listed_codecs]
-    else:
-        found = [(str(one.get("name", "")), one) for one in _metadata(path, "zarr.json").get("codecs") or []]
-    for name, _ in found:
-        if name.removeprefix("numcodecs.") not in (*_PLAIN, *_PACKED):
-            known = ", ".join((*_PACKED, *_PLAIN))
-            advice = "open it with dask.array.from_zarr, and pass that array" if name == _SHARDS else ""
-            what, wrong = f"{path} cannot be read", f"the codec {shown(name)}"
-            raise complain(what, wrong, f"one of {known}", advice, kind=Unsupported)
-    return found
-
-
-def _unpacked_size(codec: str, stream: BinaryIO, most: int) -> int:
-    """Return how long a chunk says that it unpacks to; of deflated ones how long it does, not beyond `most` + 1."""
-    if codec in ("zlib", "gzip"):
-        # Both headers are recognized.
-        return len(zlib.decompressobj(47).decompress(stream.read(), most + 1))
-    head = stream.read(18)
-    if codec == "blosc":
-        return int(struct.unpack_from("<I", head, 4)[0]) if len(head) >= 16 else 0
-    if codec == "lz4":
-        return int(struct.unpack_from("<I", head)[0]) if len(head) >= 4 else 0
-    return _frame_size(head)
-
-
-def _blosc_size(head: bytes) -> int:
-    """Return how long a chunk of Blosc says that it is; its library reads so far, whatever there is."""
-    return int(struct.unpack_from("<I", head, 12)[0]) if len(head) >= 16 else 16
-
-
-def _frame_size(head: bytes) -> int:
-    """Return the size that the header of a zstd frame states (RFC 8878, section 3.1.1.1); 2^62 where it does not."""
-    if len(head) < 6 or head[:4] != b"\x28\xb5\x2f\xfd":
-        return 0
-    flags = head[4]
-    single, width = flags & 0x20, (0, 2, 4, 8)[flags >> 6]
-    if not width and single:
-        width = 1
-    at = 5 + (0 if single else 1) + (0, 1, 2, 4)[flags & 3]
-    if not width or len(head) < at + width:
-        return 2**62
-    return int.from_bytes(head[at : at + width], "little") + (256 if width == 2 else 0)
-
-
-@dataclass(frozen=True)
-class _ChunkCheck:
-    """What chunks of an array may hold: `most` bytes, packed by a codec or not."""
-
-    path: Path
-    packer: str
-    most: int
-    much: int
-
-    @classmethod
-    def of(cls, path: Path, chunk: int) -> _ChunkCheck:
-        """Return the check of chunks of so many bytes; Unsupported for codecs that are not known."""
-        packers = [name.removeprefix("numcodecs.") for name, _ in _codecs(path) if name not in _PLAIN]
-        packer = packers[-1] if packers else ""
-        most = 2 * chunk + _SLACK
-        # What deflate may unpack to at most is looked at only where that would be much.
-        return cls(path, packer, most, max(most, _memory.available() // 4))
-
-    def check(self, where: str) -> None:
-        """Raise InvalidInput for a file that unpacks to more than a chunk has."""
-        size = self._regular(where)
-        if size > self.most:
-            raise self._wrong(where, f"of {size} bytes", f"at most {self.most}")
-        if not self.packer or (self.packer in ("zlib", "gzip") and size * DEFLATE_RATIO <= self.much):
-            return
-        with open(where, "rb") as stream:
-            if self.packer == "blosc" and (stated := _blosc_size(stream.read(16))) > size:
-                raise self._wrong(where, f"of {size} bytes", f"{stated}, as its header says")
-            stream.seek(0)
-            found = _unpacked_size(self.packer, stream, self.most)
-        if found > self.most:
-            raise self._wrong(where, f"that unpacks to {found} bytes or more", f"at most {self.most}")
-
-    def _regular(self, where: str) -> int:
-        """Return the size of a file; InvalidInput for pipes and devices, which would be waited for."""
-        found = os.stat(where)
-        if not stat.S_ISREG(found.st_mode):
-            raise unreadable(self.path, f"{where}, which is no regular file", "a file")
-        return found.st_size
-
-    def _wrong(self, where: str, found: str, wanted: str) -> Error:
-        # Whoever reads a part of the array says what of it, not which file that is.
-        return unreadable(self.path, f"a chunk {found}, {where}", wanted)
-
-    def metadata(self) -> None:
-        """Check what Zarr reads of the array beside its chunks."""
-        for name in _METADATA:
-            where = os.path.join(self.path, name)
-            if os.path.lexists(where):
-                self._regular(where)
-
-    def all(self) -> None:
-        """Check every file of the array; InvalidInput for links."""
-        count = 0
-        for folder, names, files in os.walk(self.path):
-            for name in (*names, *files):
-                count += 1
-                if count > _MOST_FILES:
-                    raise unreadable(self.path, f"more than {_MOST_FILES} files", "larger chunks")
-                if os.path.islink(os.path.join(folder, name)):
-                    raise self._link(name)
-            for name in files:
-                if name not in _METADATA:
-                    self.check(os.path.join(folder, name))
-
-    def these(self, keys: Iterable[str]) -> None:
-        """Check the chunks of some keys, where they are there; InvalidInput for links."""
-        root = os.path.realpath(self.path)
-        for key in keys:
-            where = os.path.join(root, *key.split("/"))
-            if os.path.realpath(where) != where:
-                raise self._link(key)
-            if os.path.exists(where):
-                self.check(where)
-
-    def _link(self, name: str) -> Error:
-        return unreadable(self.path, f"a link, {shown(name)}", "chunks in the folder itself")
-
-
-def _chunk_keys(path: Path, ranges: Iterable[range]) -> Iterable[str]:
-    """Return the keys of chunks by their numbers along each axis (specifications 2 and 3)."""
-    older = _metadata(path, ".zarray")
-    if older:
-        start, between = "", older.get("dimension_separator", ".")
-    else:
-        stated = _metadata(path, "zarr.json").get("chunk_key_encoding") or {}
-        is_default = stated.get("name", "default") == "default"
-        start = "c" if is_default else ""
-        between = (stated.get("configuration") or {}).get("separator", "/" if is_default else ".")
-    if between not in (".", "/"):
-        raise unreadable(path, f"the separator {shown(between)} of chunk keys", "a point or a slash")
-    for numbers in itertools.product(*ranges):
-        yield between.join(([start] if start else []) + [str(number) for number in numbers])
-
-
-def _sizes(path: Path) -> tuple[tuple[int, ...], np.dtype[Any], tuple[int, ...]]:
-    """Return shape, type and chunks of an array from its metadata."""
-    older = _metadata(path, ".zarray")
-    newer = _metadata(path, "zarr.json") if not older else {}
-    if newer:
-        kind, shape = newer.get("data_type"), newer.get("shape")
-        grid = newer.get("chunk_grid") or {}
-        chunks = (grid.get("configuration") or {}).get("chunk_shape")
-    else:
-        kind, shape, chunks = older.get("dtype"), older.get("shape"), older.get("chunks")
+def _dimensions_of(group: Path, name: str) -> int:
+    """Return how many dimensions an array of numbers beside others has; 0 where there is none."""
     try:
-        dtype = np.dtype(kind) if isinstance(kind, str) else None
-    except (TypeError, ValueError, SyntaxError):
-        dtype = None
-    if dtype is None or dtype.kind not in "biuf":
-        raise unreadable(path, f"samples of type {shown(kind)}", "integers, booleans or real floating-point numbers")
-    return checked_shape(path, shape, "shape"), dtype, checked_shape(path, chunks, "chunks")
-
-
-def _read_array(path: Path, index: tuple[Any, ...]) -> Any:
-    """Return a part of an array after all checks; of a part only those of the chunks that hold it."""
-    import zarr  # type: ignore[import-not-found, unused-ignore]
-
-    shape, dtype, chunks = _sizes(path)
-    check = _ChunkCheck.of(path, math.prod(chunks) * dtype.itemsize)
-    steps = [one.indices(size) if isinstance(one, slice) else (one, one + 1, 1)
-             for one, size in zip(index, shape, strict=True)]  # fmt: skip
-    # The chunks at the border of a part are read whole.
-    _memory.require(
-        2 * (math.prod(last - first for first, last, _ in steps) + math.prod(chunks)) * dtype.itemsize,
-        f"the samples of {path}",
-    )
-    touched = [range(first // chunk, (last - 1) // chunk + 1)
-               for (first, last, _), chunk in zip(steps, chunks, strict=True)]  # fmt: skip
-    if any(isinstance(one, slice) and one != slice(None) for one in index):
-        check.these(_chunk_keys(path, touched))
-    else:
-        check.all()
-    check.metadata()
-    store = zarr.storage.LocalStore(path, read_only=True)
-    array = zarr.open_array(store=store, mode="r")
-    try:
-        return np.asarray(array[index])
-    except (MemoryError, ImportError):
-        raise
-    except Exception:
-        # Zarr does not say which one it was.
-        for numbers, key in zip(itertools.product(*touched), _chunk_keys(path, touched), strict=True):
-            places = zip(numbers, chunks, strict=True)
-            try:
-                with guarded(path):
-                    array[tuple(slice(at * size, (at + 1) * size) for at, size in places)]
-            except InvalidInput as error:
-                raise unreadable(path, f"{error.found} in {path / key}", error.wanted, error.advice) from error
-        raise
-
-
-def _plain(path: Path) -> Located:
-    """Return an array with three axes, those of size 1 aside."""
-    shape, dtype, _ = _sizes(path)
-    index = tuple(0 if size == 1 and number < len(shape) - 3 else slice(None) for number, size in enumerate(shape))
-    axes = sum(one == slice(None) for one in index)
-    if axes != 3:
-        advice = "choose one channel or one time step" if axes > 3 else ""
-        raise unreadable(path, f"{axes} axes, shape {shape}", "three axes, values[k, j, i]", advice)
-    told = _attributes(path)
-    label = printable(told.get("long_name")) or ("" if path.suffix == ".zarr" else printable(path.name))
-    quantity = Quantity(label, printable(told.get("units")))
-    sizes = tuple(size for size, one in zip(shape, index, strict=True) if one == slice(None))
-    return Located(path, index, (0, 1, 2), sizes, dtype, details={"content": path.name}, quantity=quantity)
-
-
-def _channel(path: Path, count: int, told: dict[str, Any], name: str | None) -> int:
-    """Return the number of the channel that is asked for by label or number, else of the only one."""
-    entries = (told.get("omero") or {}).get("channels") or []
-    labels = [printable(one.get("label")) if isinstance(one, dict) else "" for one in entries]
-    names = [labels[at] if at < len(labels) and labels[at] else str(at) for at in range(min(count, 1000))]
-    if name is None and count == 1:
+        path = below(group, name)
+        return len(Grid.of(path).shape) if is_array(path) and not path.is_symlink() else 0
+    except InvalidInput:
         return 0
-    if name in names:
-        return names.index(name)
-    if name is not None and name.isascii() and name.isdigit() and len(name) < 9 and int(name) < count:
-        return int(name)
-    advice = "pass " + option_ref("name", "...") + ", its label or its number"
-    found = f"{count} channels: {listed(names)}"
-    raise unreadable(path, found, "one of them", advice, option="name")
 
 
-def _image(source: Folder) -> tuple[Path, Any]:
-    """Return a place, and its attributes where it is an OME-Zarr image, else {}."""
-    root = _below(source.path, source.inner) if source.inner else source.path
-    told = {} if _is_array(root) else _attributes(root)
+def _coordinate(group: Path, name: str, size: int) -> Coordinate | None:
+    if _dimensions_of(group, name) != 1 or Grid.of(below(group, name)).shape != (size,):
+        return None
+    told = attributes_of(below(group, name))
+    numbers = read_array(below(group, name), (slice(None),))
+    return Coordinate(numbers, {key: told[key] for key in READ if key in told})
+
+
+def _array(path: Path) -> NamedArray:
+    """Return an array; InvalidInput unless there is one."""
+    if not is_array(path):
+        raise unreadable(path, "no array of Zarr", "one")
+    return _named(path)
+
+
+def _below(root: Path) -> Iterator[tuple[Path, bool]]:
+    """Yield the arrays in a group and in its groups, and the images, with whether they are images."""
+    left, count = [(root, 0)], 0
+    while left:
+        here, depth = left.pop(0)
+        for one in sorted(here.iterdir()):
+            count += 1
+            if count > _MOST_FOLDERS:
+                raise unreadable(root, f"more than {_MOST_FOLDERS} files and folders in a group", "fewer", "choose one")
+            if not one.is_dir() or one.is_symlink():
+                continue
+            if is_array(one):
+                yield one, False
+            elif _told_of(one):
+                yield one, True
+            elif depth < _DEEPEST and _is_group(one):
+                left.append((one, depth + 1))
+
+
+def _told_of(root: Path) -> Mapping[str, Any]:
+    """Return the attributes of an OME-Zarr image, {} for anything else."""
+    told = {} if is_array(root) else attributes_of(root)
     told = told.get("ome", told)
     is_image = isinstance(told, dict) and isinstance(told.get("multiscales"), list) and told["multiscales"]
-    return root, told if is_image else {}
+    return told if is_image else {}
+
+
+def _chosen(source: Folder, name: str | None) -> tuple[Path, str | None]:
+    """Return the array or the image that is shown, and the name that chooses a channel of an image.
+
+    Where neither FOLDER:/path nor a name chooses one of a group, it is the only image, or the only array with three
+    dimensions or more.
+    """
+    root = below(source.path, source.inner) if source.inner else source.path
+    if is_array(root) or _told_of(root):
+        return root, name
+    if name is not None and is_array(below(root, name)):
+        return below(root, name), None
+    known = list(_below(root))
+    images = [path for path, is_image in known if is_image]
+    sizes = {path: _shape(path) for path, is_image in known if not is_image}
+    arrays = [path for path in sizes if len(sizes[path]) >= 3] if not images else []
+    found = images or arrays
+    if len(found) == 1:
+        return found[0], name
+    # The one with the most dimensions is meant more often than the first one.
+    best = max(
+        found or list(sizes), key=lambda path: (len(sizes.get(path, ())), math.prod(sizes.get(path, ()))), default=None
+    )
+    advice = f"choose one, {source.path}:/{best.relative_to(source.path).as_posix()}" if best is not None else ""
+    if images:
+        what = f"{len(images)} images: " + listed([one.relative_to(root).as_posix() for one in images])
+    else:
+        told = [f"{one.relative_to(root).as_posix()} {sizes[one]}" for one in sizes]
+        what = f"{len(found)} arrays with three dimensions" + (f": {listed(told)}" if told else "")
+    raise unreadable(root, what, "one of them", advice)
+
+
+def _shape(path: Path) -> tuple[int, ...]:
+    try:
+        return Grid.of(path).shape
+    except InvalidInput:
+        return ()
+
+
+def _axes(image: Any) -> list[str]:
+    return [str(one["name"] if isinstance(one, dict) else one).lower() for one in image["axes"]]
 
 
 def count_steps(source: Folder, name: str | None = None) -> int:
-    """Return the number of time steps of an OME-Zarr image, 1 for arrays."""
-    root, told = _image(source)
+    """Return the number of time steps of an OME-Zarr image, or of an array with a dimension of that name."""
+    path, _ = _chosen(source, name)
+    told = _told_of(path)
     if not told:
-        return 1
+        return _array(path).steps
     image = told["multiscales"][0]
-    axes = [str(one["name"] if isinstance(one, dict) else one).lower() for one in image["axes"]]
-    shape, _, _ = _sizes(_below(root, image["datasets"][0]["path"]))
-    times = [count for axis, count in zip(axes, shape, strict=False) if axis not in ("x", "y", "z", "c")]
+    shape = Grid.of(below(path, image["datasets"][0]["path"])).shape
+    times = [count for axis, count in zip(_axes(image), shape, strict=False) if axis not in ("x", "y", "z", "c")]
     return times[0] if times else 1
 
 
-def _multiscale(path: Path, told: dict[str, Any], name: str | None, step: int | None, limit: float) -> Located:
+def _multiscale(path: Path, told: Any, name: str | None, step: int | None, limit: float) -> Located:
     """Return the finest scale of an OME-Zarr image whose samples take `limit` bytes (specification 0.4 and 0.5)."""
     count = len(told["multiscales"][0]["datasets"])
     for number in range(count):
         found = _scale(path, told, name, step, number)
-        if found.dtype.itemsize * math.prod(found.shape) <= limit or number == count - 1:
+        if found.bytes <= limit or number == count - 1:
             return found
     raise unreadable(path, "no scale", "at least one")
 
 
-def _scale(path: Path, told: dict[str, Any], name: str | None, step: int | None, number: int) -> Located:
+def _scale(path: Path, told: Any, name: str | None, step: int | None, number: int) -> Located:
     """Return a scale of an OME-Zarr image."""
     image = told["multiscales"][0]
-    axes = [str(one["name"] if isinstance(one, dict) else one).lower() for one in image["axes"]]
+    axes, levels = _axes(image), image["datasets"]
     units = [printable(one.get("unit")) if isinstance(one, dict) else "" for one in image["axes"]]
-    levels = image["datasets"]
     if sorted(axes)[-3:] != ["x", "y", "z"] or len(axes) > 5 or len(set(axes)) != len(axes):
         raise unreadable(path, f"axes {', '.join(axes)}", "x, y and z, and at most a time and a channel")
     level = levels[number]
-    place = _below(path, level["path"])
-    shape, dtype, _ = _sizes(place)
-    if len(shape) != len(axes):
-        raise unreadable(place, f"shape {shape}", f"{len(axes)} axes, {', '.join(axes)}")
-    index: list[Any] = []
-    for axis, count in zip(axes, shape, strict=True):
+    place = below(path, level["path"])
+    grid = Grid.of(place)
+    if len(grid.shape) != len(axes):
+        raise unreadable(place, f"shape {grid.shape}", f"{len(axes)} axes, {', '.join(axes)}")
+    entries = (told.get("omero") or {}).get("channels") or []
+    labels = [one.get("label") if isinstance(one, dict) else "" for one in entries]
+    index: list[int | range] = []
+    for axis, count in zip(axes, grid.shape, strict=True):
         if axis in "xyz":
-            index.append(slice(None))
+            index.append(range(count))
         elif axis == "c":
-            index.append(_channel(path, count, told, name))
+            index.append(chosen_channel(path, count, labels, name))
         else:
             index.append(chosen_step(path, count, step))
-    spatial = [axis for axis in axes if axis in "xyz"]
     steps, start = _transforms(path, axes, level, image)
-    sizes = dict(zip(axes, shape, strict=True))
-    same = {unit for axis, unit in zip(axes, units, strict=True) if axis in "xyz"}
-    unit = same.pop() if len(same) == 1 else ""
+    samples: Any = LazySamples(partial(read_array, place), grid.dtype, tuple(index), tuple(map(axes.index, "zyx")))
     return Located(
         place,
-        tuple(index),
-        tuple(spatial.index(axis) for axis in "zyx"),
-        tuple(sizes[axis] for axis in "zyx"),
-        dtype,
-        triple("scale", [steps[axis] for axis in "xyz"]),
-        triple("translation", [start[axis] for axis in "xyz"]),
-        "ome-zarr",
-        {"scale": f"{number} of 0 to {len(levels) - 1}, {place.name}"},
-        Quantity(length_unit=_UNITS.get(unit, unit)),
+        Volume(
+            samples,
+            triple("scale", [steps[axis] for axis in "xyz"]),
+            triple("translation", [start[axis] for axis in "xyz"]),
+            "ome-zarr",
+            {"scale": f"{number} of 0 to {len(levels) - 1}, {place.name}"},
+            units=tuple(units[axes.index(axis)] for axis in "xyz"),
+        ),
     )
 
 
@@ -438,52 +254,52 @@ def _transforms(path: Path, axes: list[str], level: Any, image: Any) -> tuple[di
     return steps, start
 
 
-def read(source: Folder, name: str | None = None, step: int | None = None) -> Volume:
+def read(source: Folder, name: str | None = None, step: int | None = None, resample: bool = False) -> Volume:
     """Read an array of a Zarr folder, or an OME-Zarr image: the finest scale whose samples take a fifth of the memory.
 
-    FOLDER:/array chooses an array of a group. Of an image `name` chooses the channel, by label or number, and `step`
-    one of several times, from 0 on.
+    FOLDER:/array chooses an array or an image of a group. Of an image `name` chooses the channel, by label or number.
+    `step` is one of several times, from 0 on, of images and of arrays that have a dimension of that name. Arrays whose
+    dimensions have names are read as those of NetCDF (`cf.NamedArray`).
 
     Raises
     ------
     InvalidInput
-        For groups with several arrays, other than three axes, several times without `step`, links, and chunks that
-        unpack to more than their size.
+        For groups with several arrays, other than three axes, several times without `step`, uneven coordinates unless
+        `resample` is true, links, and chunks that unpack to more than their size.
     Unsupported
         For codecs that run code, or unpack without a bound.
     """
-    return locate(source, name, step, _SHARE * _memory.available()).volume()
+    path, name = _chosen(source, name)
+    if not _told_of(path):
+        return _at_step(path, name, step).read("zarr", resample=resample)
+    found = locate(source, name, step, _SHARE * _memory.available()).volume
+    samples: Any = found.values
+    return replace(found, values=samples.read())
+
+
+def _at_step(path: Path, name: str | None, step: int | None) -> NamedArray:
+    """Return an array at a time step; InvalidInput for options that an array does not have."""
+    one = _array(path)
+    if step is not None and one.time_axis() is None:
+        wanted = "it for images (OME-Zarr), and for arrays with a dimension of time"
+        raise unreadable(path, option_ref("step") + " for an array", wanted, option="step")
+    if name is not None:
+        raise unreadable(path, option_ref("name") + " for a single array", "it for groups and images", option="name")
+    return one.at_step(step)
 
 
 def locate(source: Folder, name: str | None = None, step: int | None = None, limit: float = math.inf) -> Located:
     """Return what `read` reads without its samples; of an OME-Zarr image the finest scale of at most `limit` bytes."""
-    found = _located(source, name, step, limit)
-    _codecs(found.path)
-    return found
-
-
-def _located(source: Folder, name: str | None, step: int | None, limit: float) -> Located:
-    root, told = _image(source)
+    path, name = _chosen(source, name)
+    told = _told_of(path)
     if told:
-        return _multiscale(root, told, name, step, limit)
-    if step is not None:
-        raise unreadable(root, option_ref("step") + " for an array", "it for images (OME-Zarr)", option="step")
-    if _is_array(root):
-        if name is not None:
-            wanted = "it for groups and images"
-            raise unreadable(root, option_ref("name") + " for a single array", wanted, option="name")
-        return _plain(root)
-    if name is not None:
-        return _plain(_below(root, name))
-    arrays = sorted(one.name for one in root.iterdir() if one.is_dir() and not one.is_symlink() and _is_array(one))
-    if len(arrays) != 1:
-        advice = f"choose one, {source.path}:/{arrays[0]}" if arrays else ""
-        raise unreadable(root, f"{len(arrays)} arrays: {listed(arrays)}", "one of them", advice)
-    return _plain(root / arrays[0])
+        return _multiscale(path, told, name, step, limit)
+    return Located(path, _at_step(path, name, step).volume("zarr"))
 
 
 def locate_coarser(source: Folder, name: str | None = None, step: int | None = None) -> list[Located]:
     """Return all scales of an OME-Zarr image but the finest; none of arrays."""
-    root, told = _image(source)
+    path, name = _chosen(source, name)
+    told = _told_of(path)
     count = len(told["multiscales"][0]["datasets"]) if told else 0
-    return [_scale(root, told, name, step, number) for number in range(1, count)]
+    return [_scale(path, told, name, step, number) for number in range(1, count)]

@@ -31,10 +31,7 @@ _PER_CELL = 4.0
 
 def with_values(field: EllipsoidField, values: Floats, **changes: Any) -> EllipsoidField:
     """Return a field of the same kernels with other values, (N,), and some options changed."""
-    names = ("weights", "normalization", "w0", "falloff", "min_scale", "cell_volume", "base")
-    options: Any = {name: getattr(field, name) for name in names} | changes
-    made = EllipsoidField(field.centers, field.scales, field.rotations, values, **options)
-    return made.weighted_by(field.weighting)
+    return field.with_rows(field.centers, field.scales, field.rotations, values, field.weights, **changes)
 
 
 @dataclass(frozen=True)
@@ -68,15 +65,15 @@ def measure_volumes(fields: Sequence[RegularField]) -> Measure:
     known = picked.reshape(-1)
     at = np.flatnonzero(~np.isnan(known))
     a, b, c = np.unravel_index(at, picked.shape)
-    dx, dy, dz = field.spacing
     x, y, z = i[c], j[b], k[a]
     if field.lattice == "bcc":
         shift = 0.5 * (z % 2)
-        x, y, z = x + shift, y + shift, 0.5 * z
-        dy = dz = dx
-    points = np.asarray(field.origin) + np.stack((x, y, z), axis=1) * (dx, dy, dz)
-    volume = dx * dy * dz * math.prod(steps) * (0.5 if field.lattice == "bcc" else 1.0)
-    reach = 0.5 * max(gap * width for gap, width in zip(steps, (dz, dy, dx), strict=True))
+        x, y = x + shift, y + shift
+    points = np.asarray(field.origin) + np.stack((x, y, z), axis=1) @ field.steps
+    volume = abs(float(np.linalg.det(field.steps))) * math.prod(steps)
+    edge = field.spacing[0]
+    widths = (edge,) * 3 if field.lattice == "bcc" else field.spacing
+    reach = 0.5 * max(gap * width for gap, width in zip(reversed(steps), widths, strict=True))
     return Measure(points, known[at], np.full(len(at), volume), np.full(len(at), reach))
 
 

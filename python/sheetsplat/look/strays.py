@@ -81,12 +81,9 @@ def trimmed(field: Field, trim: Trim) -> Field:
         return field.replace(values).with_trim(trim)
     made = cast(EllipsoidField, field)
     kept = np.setdiff1d(np.arange(made.size), trim.kernels)
-    names = ("normalization", "w0", "falloff", "min_scale", "cell_volume", "base")
-    options: Any = {name: getattr(made, name) for name in names}
     rotations, weights = (None if rows is None else rows[kept] for rows in (made.rotations, made.weights))
-    fewer = EllipsoidField(made.centers[kept], made.scales[kept], rotations, values[kept], weights=weights, **options)
-    fewer = fewer.weighted_by(None if made.weighting is None else made.weighting[kept])
-    return fewer.of_quantity(made.quantity).with_orientation(made.orientation).opened_with(made.opened).with_trim(trim)
+    fewer = made.with_rows(made.centers[kept], made.scales[kept], rotations, values[kept], weights)
+    return fewer.weighted_by(None if made.weighting is None else made.weighting[kept]).with_trim(trim)
 
 
 def _within(field: Field, clim: Any) -> Field:

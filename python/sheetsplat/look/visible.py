@@ -174,7 +174,7 @@ def _measures(scene: Scene) -> Iterator[tuple[Measure, Sequence[Field], Transfer
 
 
 def _lattice(field: RegularField) -> tuple[Any, ...]:
-    return field.shape, field.spacing, field.origin, field.lattice
+    return field.shape, field.spacing, field.origin, field.lattice, field.axes
 
 
 def _shown(values: Floats, scene: Scene, others: Sequence[Field], function: TransferFunction) -> Floats:

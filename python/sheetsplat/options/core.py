@@ -105,6 +105,8 @@ class Option:
         Of the command line, as those of `CommandLine`, where the option has one spelling that needs nothing else.
     cli
         Its spellings on the command line, if not that one; none for options that Python alone has.
+    called
+        Names under which it is looked for: the message about such a name has this one.
     harmless
         On the command line, giving it in a mode that does not use it is a warning, not an error.
     name, type
@@ -126,6 +128,7 @@ class Option:
     value: Value | None = None
     switch: bool = False
     cli: tuple[CommandLine, ...] | None = None
+    called: tuple[str, ...] = ()
     harmless: bool = False
     name: str = ""
     type: Any = None
@@ -178,7 +181,9 @@ def check_names(function: str, options: Iterable[str], group: type, others: Sequ
     defined = definitions(group)
     for name in options:
         if name not in defined and name not in others:
-            advice = nearest_names(name, [*defined, *others]) or f"help(sheetsplat.{function}) lists the options"
+            called = next((f"did you mean {own}?" for own, one in defined.items() if name in one.called), "")
+            near = called or nearest_names(name, [*defined, *others])
+            advice = near or f"help(sheetsplat.{function}) lists the options"
             raise complain(
                 f"{function}: there is no option of this name", name, "", advice, option=name, kind=UnknownOption
             )

@@ -1,6 +1,7 @@
 """The options of fields, and of the files from which they are read."""
 
 import os
+from collections.abc import Sequence
 from typing import Annotated, Literal, TypedDict, get_args
 
 from numpy.typing import ArrayLike, DTypeLike
@@ -35,6 +36,15 @@ class PlacementOptions(TypedDict, total=False):
             unset="what the file says, else 0",
             accepts="three numbers",
             value=Numbers("X,Y,Z", 3),
+        ),
+    ]
+    axes: Annotated[
+        Sequence[Vector] | Vector | None,
+        Option(
+            "Steps of i, j and k in the world, row by row, in place of the spacing: of oblique and sheared volumes.",
+            unset="what the file says, else those of the spacing",
+            accepts="(3, 3) numbers",
+            value=Numbers("IX,IY,IZ,JX,JY,JZ,KX,KY,KZ", 9),
         ),
     ]
     lattice: Annotated[Lattice | None, Option("Lattice of the samples.", unset=value_text(_VOLUME["lattice"]))]
@@ -94,7 +104,9 @@ class KernelOptions(TypedDict, total=False):
     nan: Annotated[
         NanPolicy | None,
         Option(
-            'Volumes: what to do with NaN samples; "skip" leaves their kernels out.', unset=value_text(_VOLUME["nan"])
+            'What to do with NaN samples, and with scattered data whose numbers are not finite; "skip" leaves their '
+            "kernels out.",
+            unset=value_text(_VOLUME["nan"]),
         ),
     ]
     boundary: Annotated[
@@ -147,13 +159,18 @@ class FileOptions(TypedDict, total=False):
     offset: Annotated[int, Option("Raw samples: number of bytes before the first one.", default=0, value=Whole(0))]
     name: Annotated[
         str | None,
-        Option("The array to take of a file with several volumes; of DICOM the series, of OME-Zarr the channel."),
+        Option(
+            "The array to take of a file with several volumes; of DICOM the series, of OME-Zarr and TIFF the channel.",
+            called=("channel", "series", "variable", "array", "dataset"),
+        ),
     ]
     step: Annotated[
         int | None,
         Option(
-            "The time step to take of a file with several, from 0 on: NetCDF, OME-Zarr, .vtkhdf, .pvd.",
+            "The time step to take of a file with several, from 0 on: NetCDF, Zarr, HDF5, TIFF, NIfTI, DICOM, .vtkhdf, "
+            ".pvd.",
             unset="the only one",
+            called=("time", "timestep", "time_step", "t"),
             value=Whole(0),
         ),
     ]
@@ -241,6 +258,16 @@ class FileOptions(TypedDict, total=False):
     ]
     min_scale: Annotated[
         float | None, Option("Scattered data: raise smaller semi-axes to this length, world units.", value=POSITIVE)
+    ]
+    periodic: Annotated[
+        tuple[Vector, Vector] | None,
+        Option(
+            "Scattered data: the box in which kernels wrap, outside of which nothing is. An axis with two equal ends "
+            "does not wrap.",
+            unset="the box of the file, if it has one and all its particles lie in it",
+            accepts="two corners",
+            value=Numbers("X0,Y0,Z0,X1,Y1,Z1", 6),
+        ),
     ]
 
 

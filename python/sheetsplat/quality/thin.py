@@ -6,14 +6,15 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat._checks import Bounds
+from sheetsplat._checks import Bounds, triple
 from sheetsplat.camera import Camera
-from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, RegularField
+from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Field, RegularField
+from sheetsplat.fields.ending import DOMAIN, heights
 from sheetsplat.look.visible import camera_axes, corners_of, depths_of
 from sheetsplat.modes import TRAITS
 from sheetsplat.scene import Scene
@@ -238,27 +239,62 @@ def samples_for_ends(scene: Scene, camera: Camera, size: tuple[int, int], *, cut
     if not TRAITS[scene.mode].integrates:
         return 1
     count = 1
-    for box, across, _ in _ends(scene, cuts=cuts):
-        corners = corners_of(box)
+    for end in _ends(scene, cuts=cuts):
+        corners = end.corners
         seen = (corners - np.asarray(camera.eye)) @ camera_axes(camera)[:2].T
         if camera.kind == "perspective":
             seen /= np.maximum(depths_of(corners, camera), camera.near)[:, None]
         pixels = np.ptp(seen, axis=0).min() / _pixel(camera, size)
-        count = max(count, math.ceil(across / max(float(pixels), 1.0)))
+        count = max(count, math.ceil(end.across / max(float(pixels), 1.0)))
     return count
 
 
-def _ends(scene: Scene, *, cuts: bool = True) -> Iterator[tuple[Bounds, float, int]]:
-    """Yield the boxes in which what is shown ends, each with the samples across it and the slices that it needs."""
+@dataclass(frozen=True)
+class _End:
+    """What is shown ends at the faces of a parallelepiped.
+
+    Attributes
+    ----------
+    corners
+        (8, 3), world.
+    normals, lengths
+        Unit normals of its pairs of faces, (3, 3), and their distances, (3,).
+    across, slices
+        Samples across it, and slices in it, that an x-ray needs.
+    """
+
+    corners: Floats
+    normals: Floats
+    lengths: Floats
+    across: float
+    slices: int
+
+    @classmethod
+    def of_box(cls, box: Bounds, across: float, slices: int) -> _End:
+        """Return that of a box along the world's axes."""
+        return cls(corners_of(box), np.eye(3), np.subtract(box[1], box[0]), across, slices)
+
+
+def _ends(scene: Scene, *, cuts: bool = True) -> Iterator[_End]:
+    """Yield where what is shown ends: at the ends of fields, and at a clip."""
     for one in scene.fields:
-        box = one.domain if isinstance(one, RegularField) else None
-        jump = 0.0 if box is None else _jump(cast(RegularField, one))
-        if box is not None and jump > 0.0:
-            yield box, _ENOUGH_ACROSS * min(jump, _MOST_JUMP), _FEWEST_SLICES if jump > _JUMP else 0
+        box = one.domain if one.size else None
+        jump = 0.0 if box is None else _jump(one)
+        if box is None or jump == 0.0:
+            continue
+        needs = _ENOUGH_ACROSS * min(jump, _MOST_JUMP), _FEWEST_SLICES if jump > _JUMP else 0
+        if isinstance(one, RegularField) and one.axes is not None:
+            layer, normals = heights(one.steps)
+            counts = np.array(one.shape[::-1])
+            corners = one.origin + (corners_of(((0.0,) * 3, (1.0,) * 3)) * counts - DOMAIN) @ one.steps
+            yield _End(corners, normals, layer * counts, *needs)
+            continue
+        bounded = np.where(np.isfinite(box), box, one.bounds)
+        yield _End.of_box((triple("end", bounded[0]), triple("end", bounded[1])), *needs)
     # A clip cuts what it finds. At a sphere's edge pixels and slices are cut by chance, which averages out.
     clip = scene.options["clip"]
     if cuts and clip.box is not None and any(one.size for one in scene.fields):
-        yield clip.box, _ACROSS_CUTS, _SLICES_OF_CUTS
+        yield _End.of_box(clip.box, _ACROSS_CUTS, _SLICES_OF_CUTS)
 
 
 def slices_for_ends(scene: Scene, camera: Camera) -> float | None:
@@ -270,22 +306,23 @@ def slices_for_ends(scene: Scene, camera: Camera) -> float | None:
     if not TRAITS[scene.mode].integrates:
         return None
     wanted, back = scene.slice_spacing, camera_axes(camera)[2]
-    along = np.flatnonzero(np.abs(back) > _ALONG)
     region = scene.options["clip"].region
     if region is not None:
         # Slices that all rays share cut it in few places, whatever the direction.
         wanted = min(wanted, float(np.ptp(corners_of(region) @ back)) / _SLICES_OF_REGIONS)
-    for box, _, fewest in _ends(scene) if along.size else ():
-        length = box[1][along[0]] - box[0][along[0]]
-        if fewest and length > 0.0:
-            wanted = min(wanted, length / max(2 * math.ceil(0.5 * length / wanted * (1.0 - 1e-9)), fewest))
+    for end in _ends(scene):
+        along = np.flatnonzero(np.abs(end.normals @ back) > _ALONG)
+        length = float(end.lengths[along[0]]) if along.size else 0.0
+        if end.slices and length > 0.0:
+            wanted = min(wanted, length / max(2 * math.ceil(0.5 * length / wanted * (1.0 - 1e-9)), end.slices))
     return None if math.isclose(wanted, scene.slice_spacing, rel_tol=1e-9) else wanted
 
 
-def _jump(field: RegularField) -> float:
-    """Return by how much values jump where a volume ends, over their mean: magnitudes, at samples that may be some."""
-    if not field.size:
-        return 0.0
+def _jump(field: Field) -> float:
+    """Return by how much values jump where a field ends, over their mean: magnitudes, at samples that may be some."""
+    if not isinstance(field, RegularField):
+        # In a periodic box they are at the faces what they are elsewhere.
+        return 1.0
     coarse = np.abs(field.samples.on_grid(field.samples.steps).astype(np.float64))
     values = coarse if isinstance(field, BrickedField) else field.values
     mean = float(np.nanmean(coarse)) if np.isfinite(coarse).any() else 0.0
@@ -387,7 +424,7 @@ def _shows_mass(field: EllipsoidField) -> bool:
 
 def _sample_distance(field: RegularField) -> float:
     """Return the least distance of samples along an axis, world units; of BCC that of its layers' neighbours."""
-    return field.spacing[0] / math.sqrt(2.0) if field.lattice == "bcc" else min(field.spacing)
+    return field.spacing[0] / math.sqrt(2.0) if field.lattice == "bcc" else float(heights(field.steps)[0].min())
 
 
 def _masses(shown: _Shown) -> Floats:

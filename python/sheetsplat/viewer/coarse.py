@@ -53,8 +53,8 @@ def _coarse(field: Field) -> Field | None:
     shift = 0.5 * (width - 1)
     return RegularField(
         means,
-        spacing=[width * step for step in field.spacing],
-        origin=[place + shift * step for place, step in zip(field.origin, field.spacing, strict=True)],
+        origin=field.origin + shift * field.steps.sum(axis=0),
+        **({"axes": width * field.steps} if field.axes else {"spacing": [width * step for step in field.spacing]}),
         nan="skip",
         boundary=cast(Boundary, field.boundary),
         base=field.base,

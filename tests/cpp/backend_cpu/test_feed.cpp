@@ -112,7 +112,7 @@ struct Kernels {
 Kernels kernels_of(const Field& field) {
     Kernels all;
     if (const RegularField* lattice = as_regular(&field)) {
-        const Vec3 axes = lattice->semi_axes_world();
+        const Vec3 axes = lattice->kernel_axes().lengths;
         const Mat3 to_ball(Vec3(1.0 / axes.x, 0, 0), Vec3(0, 1.0 / axes.y, 0), Vec3(0, 0, 1.0 / axes.z));
         const auto& shape = lattice->shape();
         for (std::size_t k = 0; k < shape[0]; ++k) {

@@ -84,7 +84,7 @@ TEST(FieldLevels, BlocksKeepTheSumOfTheirSamplesAndTheirPlaces) {
     EXPECT_EQ(blocks->value(1, 2, 3),
               0.25 * (field->value(2, 4, 3) + field->value(3, 4, 3) + field->value(2, 5, 3) + field->value(3, 5, 3)));
     EXPECT_EQ(blocks->position(1, 2, 3), 0.5 * (field->position(2, 4, 3) + field->position(3, 5, 3)));
-    EXPECT_EQ(blocks->semi_axes_world(), field->semi_axes_world() * Vec3(2.0, 2.0, 1.0));
+    EXPECT_EQ(blocks->kernel_axes().lengths, field->kernel_axes().lengths * Vec3(2.0, 2.0, 1.0));
     EXPECT_EQ(blocks->lattice_constant(), field->lattice_constant());
 }
 

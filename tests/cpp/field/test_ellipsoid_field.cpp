@@ -227,6 +227,38 @@ TEST(EllipsoidField, lattice_constant_is_the_mass_over_the_cell) {
     expect_parts(refused(spheres(2), options), {"no cell_volume"});
 }
 
+TEST(EllipsoidField, a_periodic_box_has_images_behind_its_faces) {
+    EllipsoidArrays arrays;
+    arrays.centers = {Vec3(0.5, 5.0, 5.0), Vec3(-4.0, 25.0, 5.0)};
+    arrays.radii = {1.0, 2.0};
+    arrays.values = {3.0, 4.0};
+    EllipsoidFieldOptions options;
+    options.periodic = Box{Vec3(0.0), Vec3(10.0, 10.0, 0.0)};
+    const EllipsoidField field(arrays, options);
+    EXPECT_EQ(field.center(1), Vec3(6.0, 5.0, 5.0));
+    ASSERT_EQ(field.given(), 2u);
+    ASSERT_EQ(field.size(), 3u);
+    EXPECT_EQ(field.center(2), Vec3(10.5, 5.0, 5.0));
+    EXPECT_EQ(field.value(2), 3.0);
+    EXPECT_EQ(field.given_kernel(2), 0);
+    EXPECT_EQ(field.given_kernel(-1), -1);
+    EXPECT_EQ(field.centres_world(), (Box{Vec3(0.5, 5.0, 5.0), Vec3(6.0, 5.0, 5.0)}));
+    ASSERT_TRUE(field.domain());
+    EXPECT_EQ(field.domain()->box.upper.y, 10.0);
+    EXPECT_EQ(field.domain()->box.upper.z, std::numeric_limits<double>::infinity());
+    const auto alone = field.without_end();
+    EXPECT_EQ(alone->size(), 2u);
+    EXPECT_FALSE(alone->domain());
+
+    options.periodic = Box{Vec3(0.0), Vec3(0.05, 0.05, 10.0)};
+    try {
+        const EllipsoidField thin(arrays, options);
+        FAIL() << "a box that takes too many images";
+    } catch (const InvalidInput& error) {
+        EXPECT_NE(std::string(error.what()).find("images of kernel 0"), std::string::npos) << error.what();
+    }
+}
+
 TEST(EllipsoidFieldChecks, lengths_of_the_arrays) {
     const auto changed = [](auto change) {
         EllipsoidArrays arrays = soup(4);

@@ -116,11 +116,11 @@ FieldSums by_definition(const RegularField& field, const Vec3& point) {
     FieldSums sums;
     for (std::size_t n = 0; n < nk * nj * ni; ++n) {
         const std::size_t i = n % ni, j = n / ni % nj, layer = n / (ni * nj);
-        const Vec3 offset = point - field.position(i, j, layer), q = offset / field.semi_axes_world();
+        const Vec3 offset = point - field.position(i, j, layer), q = offset / field.kernel_axes().lengths;
         const double value = field.value(i, j, layer), r2 = glm::dot(q, q);
         if (r2 < 1.0 && !std::isnan(value)) {
             const double profile = (std::exp(-k * r2) - edge) * gain;
-            const Vec3 slope = -2.0 * k * std::exp(-k * r2) * gain * (q / field.semi_axes_world());
+            const Vec3 slope = -2.0 * k * std::exp(-k * r2) * gain * (q / field.kernel_axes().lengths);
             sums.values += value * profile;
             sums.weights += profile;
             sums.values_slope += value * slope;

@@ -354,7 +354,7 @@ TEST(Prefilter, SumsPassThroughEverySample) {
                     options.base = base;
                     const RegularField field(samples_around(base, count_of(shape), kind), shape, options);
                     EXPECT_EQ(field.counted_from(), 0.0);
-                    EXPECT_EQ(field.domain_world().has_value(),
+                    EXPECT_EQ(field.domain().has_value(),
                               boundary == Boundary::edge && !(lattice == Lattice::bcc && shape[0] == 1));
                     const double away = distance_at_samples(field);
                     EXPECT_LE(away, kind == 1 ? 1e-11 : worst_prefilter_residual)
@@ -490,7 +490,7 @@ TEST(Prefilter, FieldsThatShareCoefficientsAgree) {
             EXPECT_EQ(again.base(), field.base());
             EXPECT_EQ(again.samples(), field.samples());
             EXPECT_EQ(again.value_range(), field.value_range());
-            EXPECT_EQ(again.domain_world().has_value(), true);
+            EXPECT_EQ(again.domain().has_value(), true);
             EXPECT_EQ(distance_at_samples(again), distance_at_samples(field));
         }
         const auto mirrored = field.with_mirrored();
@@ -500,7 +500,7 @@ TEST(Prefilter, FieldsThatShareCoefficientsAgree) {
         const auto endless = field.without_end();
         options.boundary = Boundary::zero;
         EXPECT_EQ(endless->base(), 0.0);
-        EXPECT_FALSE(endless->domain_world());
+        EXPECT_FALSE(endless->domain());
         EXPECT_EQ(endless->mirrored(), (Shape{0, 0, 0}));
         EXPECT_EQ(endless->samples(), prefiltered(samples, shape, options).coefficients);
         EXPECT_EQ(endless->given_samples(), samples);

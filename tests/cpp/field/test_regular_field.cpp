@@ -83,7 +83,7 @@ TEST(RegularField, is_indexed_k_j_i_with_i_fastest) {
     expect_box(field.centres_world(), {10.0, 20.0, 30.0}, {11.5, 24.0, 33.0});
     EXPECT_EQ(field.value_range(), (std::array<double, 2>{0.0, 23.0}));
     EXPECT_EQ(field.default_slice_spacing(), 0.5);
-    EXPECT_EQ(field.semi_axes_world(), Vec3(1.0, 4.0, 6.0));
+    EXPECT_EQ(field.kernel_axes().lengths, Vec3(1.0, 4.0, 6.0));
     expect_box(field.supports_world(), {9.0, 16.0, 24.0}, {12.5, 28.0, 39.0});
     EXPECT_FALSE(field.has_holes());
     EXPECT_EQ(field.kernel().falloff, 5.0);
@@ -104,8 +104,8 @@ TEST(RegularField, bcc_is_two_interleaved_cubic_lattices) {
     expect_box(field.centres_world(), {1.0, 2.0, 3.0}, {6.0, 5.0, 6.0});
     EXPECT_EQ(field.default_slice_spacing(), 1.0);
     // Every sample's nearest neighbours are a sqrt(3)/2 away; the sample distance is a / sqrt 2 all the same.
-    EXPECT_DOUBLE_EQ(field.semi_axes_world().x, 2.0 * 2.0 / std::sqrt(2.0));
-    EXPECT_EQ(field.semi_axes_world().x, field.semi_axes_world().z);
+    EXPECT_DOUBLE_EQ(field.kernel_axes().lengths.x, 2.0 * 2.0 / std::sqrt(2.0));
+    EXPECT_EQ(field.kernel_axes().lengths.x, field.kernel_axes().lengths.z);
 }
 
 TEST(RegularField, one_layer_of_bcc_has_no_half_steps) {
@@ -121,13 +121,13 @@ TEST(RegularField, lattice_constant_is_the_mass_over_the_volume_of_a_sample) {
     options.radius = 2.5;
     options.falloff = 7.0;
     const RegularField cartesian(counted<float>(8), {2, 2, 2}, options);
-    const Vec3 axes = cartesian.semi_axes_world();
+    const Vec3 axes = cartesian.kernel_axes().lengths;
     EXPECT_DOUBLE_EQ(cartesian.lattice_constant(),
                      Kernel{7.0}.unit_mass() * axes.x * axes.y * axes.z / (0.5 * 2.0 * 3.0));
     options.lattice = Lattice::bcc;
     const RegularField bcc(counted<float>(8), {2, 2, 2}, options);
     EXPECT_DOUBLE_EQ(bcc.lattice_constant(),
-                     Kernel{7.0}.unit_mass() * std::pow(bcc.semi_axes_world().x, 3.0) / (std::pow(0.5, 3.0) / 2.0));
+                     Kernel{7.0}.unit_mass() * std::pow(bcc.kernel_axes().lengths.x, 3.0) / (std::pow(0.5, 3.0) / 2.0));
 }
 
 /// W / C at a point in the middle of a field of ones.
@@ -139,7 +139,7 @@ double partition_of_unity(const RegularField& field, const Vec3& offset) {
     for (std::size_t k = 0; k < nk; ++k) {
         for (std::size_t j = 0; j < nj; ++j) {
             for (std::size_t i = 0; i < ni; ++i) {
-                const Vec3 q = (x - field.position(i, j, k)) / field.semi_axes_world();
+                const Vec3 q = (x - field.position(i, j, k)) / field.kernel_axes().lengths;
                 const double r2 = q.x * q.x + q.y * q.y + q.z * q.z;
                 sum += r2 < 1.0 ? (std::exp(-kernel.falloff * r2) - kernel.edge()) * kernel.gain() : 0.0;
             }

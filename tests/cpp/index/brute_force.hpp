@@ -45,7 +45,7 @@ class BruteForce {
 
     /// drawn: null for all kernels.
     [[nodiscard]] Sums at(const Vec3& x, const Mask* drawn) const {
-        const Vec3 axes = field_.semi_axes_world();
+        const Vec3 axes = field_.kernel_axes().lengths;
         const bool bcc = field_.lattice() == Lattice::bcc;
         const Vec3 step = bcc ? field_.options().spacing.x * Vec3(1.0, 1.0, 0.5) : field_.options().spacing;
         const Vec3 middle = (x - field_.options().origin) / step;

@@ -139,7 +139,7 @@ class Viewer {
         const Vec3 near = at_dropped ? dropped_[random_.whole(0, dropped_.size() - 1)]
                                      : brute_force_.centre(random_.whole(0, brute_force_.size() - 1));
         const double spread = at_dropped ? random_.one_of({1.0, 1.5, 2.0}) : 1.0;
-        const Vec3 x = near + spread * trial_.field.semi_axes_world() * random_.in_cube();
+        const Vec3 x = near + spread * trial_.field.kernel_axes().lengths * random_.in_cube();
         const Vec3 step = trial_.step * step_from(x);
         switch (trial_.look) {
         case Look::point:

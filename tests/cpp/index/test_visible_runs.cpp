@@ -190,7 +190,7 @@ TEST(VisibleRuns, DrawsWhatIsWithinTwoRadiiOfASeed) {
         VisibilityQuery query = asking(transfer_function);
         query.reach_world = random.uniform(0.0, 2.0) * options.spacing.x;
         query.reach_world += random.uniform(0.0, 1.0) * options.spacing.x;
-        const double reach = 2.0 * field.semi_axes_world().x + query.reach_world;
+        const double reach = 2.0 * field.kernel_axes().lengths.x + query.reach_world;
         const Mask drawn = mask_of(VisibleRuns::of(field, query), field);
         const BruteForce brute_force(field);
         std::vector<Vec3> seeds;
@@ -444,7 +444,7 @@ TEST(VisibleRuns, WideReachesAreDecidedInBlocks) {
         VisibilityQuery query = asking(transfer_function);
         query.reach_world = 26.0;
         const Vec3 seed = field.position(33, 41, 20);
-        const double reach = 2.0 * field.semi_axes_world().x + query.reach_world;
+        const double reach = 2.0 * field.kernel_axes().lengths.x + query.reach_world;
         // Blocks of up to 5 layers of BCC, else of up to 3 samples: twice their diagonals.
         const double more = 2.0 * std::sqrt(3.0) * 3.0;
         const Mask drawn = mask_of(VisibleRuns::of(field, query), field);

@@ -173,7 +173,7 @@ TEST(PlanOfCpu, ExtremesAreLookedUpWhereThatTakesLess) {
     EXPECT_TRUE(plan_of(scene, view).ray_extremes);
     // Pixels of a part of a whole that no slice counts for are no number.
     const double everywhere = std::numeric_limits<double>::infinity();
-    scene.part = Part{{Vec3(-everywhere), Vec3(everywhere)}};
+    scene.part = Part{Box{Vec3(-everywhere), Vec3(everywhere)}};
     EXPECT_TRUE(plan_of(scene, view).ray_extremes);
     scene.mode = Mode::mip;
     EXPECT_TRUE(plan_of(scene, view).ray_extremes);

@@ -228,7 +228,7 @@ TEST(BruteForce, RandomScenesAgree) {
         kinds[random.scene.sampling == Sampling::slab ? "slab" : "point"] += 1;
         kinds[random.scene.preintegration ? "preintegrated" : "plain"] += 1;
         const RegularField& lattice = *as_regular(random.scene.fields.front().get());
-        kinds[lattice.domain_world() ? "ends" : "does not end"] += 1;
+        kinds[lattice.domain() ? "ends" : "does not end"] += 1;
         kinds[lattice.base() != 0.0 ? "based" : "counted from 0"] += 1;
         kinds[lattice.least_weight() > 0.0 ? "empty in holes" : "no holes"] += 1;
         const auto nothing = [](double value) { return std::isnan(value); };

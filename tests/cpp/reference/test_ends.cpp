@@ -50,7 +50,7 @@ TEST(Edge, AConstantFieldIsConstantUpToWhereItEnds) {
         Scene scene = make_scene(make_field(std::vector<double>(60, 7.3), shape, options));
         EXPECT_EQ(scene.fields[0]->base(), 7.3);
         scene.slice_spacing = 0.3;
-        const Box domain = *as_regular(scene.fields[0].get())->domain_world();
+        const Box domain = as_regular(scene.fields[0].get())->domain()->box;
         const double y = domain.centre().y;
         for (const double x : {domain.lower.x + 1e-3, domain.centre().x, domain.upper.x - 1e-3}) {
             for (const Mode mode : {Mode::mip, Mode::minimum, Mode::average}) {
@@ -194,7 +194,7 @@ TEST(Edge, TheReferenceAndTheFieldAgreeOnWhatIsMirrored) {
 TEST(Edge, ABccLatticeOfOneLayerEndsNowhere) {
     const RegularFieldOptions options = edge_options(Lattice::bcc);
     const auto one = make_field(coarse_samples({1, 3, 4}, 1.0), {1, 3, 4}, options);
-    EXPECT_FALSE(one->domain_world().has_value());
+    EXPECT_FALSE(one->domain().has_value());
     EXPECT_EQ(WorldKernels(*one).numbers(), 12U);
     EXPECT_GT(WorldKernels(*make_field(coarse_samples({2, 3, 4}, 1.0), {2, 3, 4}, options)).numbers(), 24U);
 }
@@ -296,7 +296,7 @@ TEST(Domain, CutsAsAClipDoes) {
                     scene.reference_length = 1.0;
                     Scene clipped = scene;
                     clipped.fields = {whole};
-                    clipped.clip.box = field->domain_world();
+                    clipped.clip.box = field->domain();
                     // Slices are anchored at the box of the centres that were given, whose middle is that of all.
                     Request request;
                     request.coverage = true;
@@ -305,7 +305,7 @@ TEST(Domain, CutsAsAClipDoes) {
                     EXPECT_LE(largest_difference(a.rgba, b.rgba), 1e-11);
                     EXPECT_LE(largest_difference(a.scalar, b.scalar), 1e-11);
                     EXPECT_LE(largest_difference(a.coverage, b.coverage), 1e-11);
-                    clipped.clip.box->upper.x -= 0.2;
+                    clipped.clip.box->box.upper.x -= 0.2;
                     const Picture c = render(clipped, camera, Size{16, 12}, request);
                     EXPECT_GT(largest_difference(a.coverage, c.coverage), 1e-3);
                 }

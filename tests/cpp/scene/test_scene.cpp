@@ -104,11 +104,16 @@ TEST(Scene, clipping_has_a_meaning) {
     EXPECT_TRUE(inside(Vec3(4.0, 5.0, 6.0)));
     for (int axis = 0; axis < 3; ++axis) {
         Vec3 below(2.0, 3.0, 4.0), above = below;
-        below[axis] = clip.box->lower[axis] - 1e-9;
-        above[axis] = clip.box->upper[axis] + 1e-9;
+        below[axis] = clip.box->box.lower[axis] - 1e-9;
+        above[axis] = clip.box->box.upper[axis] + 1e-9;
         EXPECT_FALSE(inside(below));
         EXPECT_FALSE(inside(above));
     }
+}
+
+TEST(Scene, faces_of_a_clip_box_at_infinity_cut_nothing) {
+    const Clip open{{}, Box{Vec3(-infinity, 0.0, -infinity), Vec3(infinity, 1.0, 2.0)}};
+    EXPECT_EQ(open.half_spaces().size(), 3u);
 }
 
 TEST(Scene, depth_limits_are_depths_of_a_picture) {

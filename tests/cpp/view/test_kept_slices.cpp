@@ -78,8 +78,8 @@ TEST(OwnedSlices, OfCellsThatShareAFaceAreEachOthersRest) {
         for (int axis = 0; axis < 3; ++axis) {
             // The last ones lie on slices or on columns of pixels.
             for (const double face : {-0.37, 0.11, 0.5, 0.0}) {
-                Part below{{-everywhere, everywhere}}, above = below;
-                below.cell.upper[axis] = above.cell.lower[axis] = face;
+                Part below{Box{-everywhere, everywhere}}, above = below;
+                below.cell.box.upper[axis] = above.cell.box.lower[axis] = face;
                 const OwnedSlices first(below, camera, frame), second(above, camera, frame);
                 for (int pixel = 0; pixel < size.width * size.height; ++pixel) {
                     const int column = pixel % size.width, row = pixel / size.width;
@@ -97,15 +97,15 @@ TEST(OwnedSlices, OfCellsThatShareAFaceAreEachOthersRest) {
 TEST(OwnedSlices, AreThoseInTheCell) {
     const Camera camera = Camera::orthographic({0, 0, 5}, {0, 0, 0}, {0, 1, 0}, 1.0);
     const Vec3 everywhere(infinity);
-    Part part{{-everywhere, everywhere}};
+    Part part{Box{-everywhere, everywhere}};
     EXPECT_FALSE(part.cuts());
     // Depths from 6 to 8, the first of them outside: z = 5 - depth lies below the upper end.
-    part.cell.lower.z = -3.0;
-    part.cell.upper.z = -1.0;
+    part.cell.box.lower.z = -3.0;
+    part.cell.box.upper.z = -1.0;
     EXPECT_TRUE(part.cuts());
     const SliceRun run = OwnedSlices(part, camera, frame_of({2, 1})).at(0, 0);
     EXPECT_TRUE(!run.holds(2) && run.holds(3) && run.holds(6) && !run.holds(7));
-    part.cell.lower.x = 0.3;
+    part.cell.box.lower.x = 0.3;
     EXPECT_FALSE(OwnedSlices(part, camera, frame_of({2, 1})).at(0, 0).holds(3)) << "the pixel lies beside the cell";
 }
 

@@ -157,7 +157,7 @@ TEST(FieldView, SlicesTheSupportWhereItsEquationDoes) {
     const Frame frame = make_frame(scene, camera, {40, 40});
     const FieldView view = make_field_view(*field, camera, frame, Sampling::point, 1.0);
     EXPECT_TRUE(view.sheared);
-    const Vec3 axes = field->semi_axes_world();
+    const Vec3 axes = field->kernel_axes().lengths;
     const glm::dmat2 plane = glm::inverse(view.to_unit);
     for (double s = -0.9; s < 1.0; s += 0.3) {
         for (double angle = 0.0; angle < 6.0; angle += 0.7) {

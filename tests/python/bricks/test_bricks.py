@@ -64,6 +64,12 @@ SCENES: dict[str, tuple[str, Any, str, tuple[str, ...], dict[str, Any]]] = {
     "average": ("cartesian", 9, "orthographic", (), {"mode": "average"}),
     "uneven": ("uneven", 9, "orthographic", ("depth",), LIT),
     "uneven surface": ("uneven", 9, "perspective", (), {**LIT, "mode": "isosurface", "iso_value": 0.4}),
+    "oblique": ("oblique", 9, "orthographic", ("depth", "coverage"), LIT),
+    "oblique surface": ("oblique", 9, "perspective", (), {**LIT, "mode": "isosurface", "iso_value": 0.4}),
+    "oblique intervals": ("oblique", 9, "perspective", ("depth",), {**LIT, "preintegration": True}),
+    "oblique xray": ("oblique", 9, "orthographic", (), {"mode": "xray"}),
+    "oblique mip": ("oblique", 64, "perspective", (), {"mode": "mip"}),
+    "oblique filter": ("oblique", 9, "orthographic", (), {**LIT, "filter": "ewa"}),
     "prefiltered": ("prefiltered", 10, "orthographic", (), LIT),
     "long": ("long", (12, 12, 10), "perspective", (), LIT),
     "holes": ("holes", 9, "orthographic", ("coverage",), LIT),
@@ -131,7 +137,7 @@ def test_kernels_that_end_where_the_domain_does_are_none(radius):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 2, 7, 64])
-@pytest.mark.parametrize("which", ["cartesian", "uneven", "bcc", "needles"])
+@pytest.mark.parametrize("which", ["cartesian", "uneven", "oblique", "bcc", "needles"])
 def test_any_number_of_bricks_in_any_view(which: str, count: int) -> None:
     random = np.random.default_rng([count, len(which)])
     field = field_named(which)

@@ -50,6 +50,8 @@ SCENES: dict[str, tuple[str, Any, str, dict[str, Any]]] = {
     "surfaces": ("cartesian", 9, "perspective", {**BOTH, **SURFACE}),
     "surface of the world": ("uneven", 9, "orthographic", {**SHADOWS, "mode": "isosurface", "iso_value": 0.4}),
     "uneven": ("uneven", 9, "orthographic", BOTH),
+    "oblique": ("oblique", 9, "perspective", BOTH),
+    "oblique surface": ("oblique", 9, "orthographic", {**BOTH, **SURFACE}),
     "prefiltered": ("prefiltered", 10, "orthographic", SHADOWS),
     "holes": ("holes", 9, "orthographic", SHADOWS),
     "bcc": ("bcc", 9, "perspective", BOTH),
@@ -84,7 +86,7 @@ def test_light_in_bricks_is_that_of_one_process(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 2, 7, 64])
-@pytest.mark.parametrize("which", ["cartesian", "uneven", "bcc", "needles"])
+@pytest.mark.parametrize("which", ["cartesian", "uneven", "oblique", "bcc", "needles"])
 def test_any_number_of_bricks_in_any_light(which: str, count: int) -> None:
     random = np.random.default_rng([count, len(which)])
     field = field_named(which)

@@ -187,15 +187,11 @@ def test_a_damaged_zarr_chunk_is_named(version, samples, tmp_path):
         np.testing.assert_array_equal(open_source(path, {}).read(((0, 37), (0, 32), (0, 41))), samples[:, :32])
 
 
-def test_zarr_in_shards_is_refused_when_it_is_opened(samples, tmp_path):
+def test_zarr_in_shards(samples, tmp_path):
     zarr = pytest.importorskip("zarr")
-    dask = pytest.importorskip("dask.array")
     path = tmp_path / "v.zarr"
     array = zarr.create_array(path, shape=SHAPE, chunks=(8, 8, 8), shards=(32, 32, 32), dtype=samples.dtype)
     array[:] = samples
     for data in (path, array):
-        with pytest.raises(ss.Unsupported) as told:
-            open_source(data, {})
-        assert "sharding_indexed" in told.value.found and "dask.array.from_zarr" in told.value.advice
-    source = open_source(dask.from_zarr(str(path)), {})
-    np.testing.assert_array_equal(source.read(((0, 37), (3, 40), (30, 41))), samples[:, 3:40, 30:])
+        source = open_source(data, {})
+        np.testing.assert_array_equal(source.read(((0, 37), (3, 40), (30, 41))), samples[:, 3:40, 30:])

@@ -207,6 +207,6 @@ def test_views_that_look_less_far_leave_what_others_need():
     ample = Residents(1 << 20)
     assert [reads(ample, box) for box in (far, near, far, near, far)] == [1, 0, 0, 0, 0]
     # 20**3 samples and 12**3 do not fit together: then the brick stays, as its last view needs it.
-    short = Residents(9500)
+    short = Residents(10500)
     assert [reads(short, box) for box in (far, near, near, far)] == [1, 0, 0, 1]
     assert short.size <= short.budget and short.counts.dropped == 0

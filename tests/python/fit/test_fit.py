@@ -366,10 +366,10 @@ _PLANE = CLOUD[:, :2] @ np.array([[0.3, 0.5, 0.1], [-0.7, 0.2, 0.9]])
         (lambda: fit.delaunay(CLOUD[:4], np.ones(4)), "4 different positions of 4 points.*at least 5"),
         (lambda: fit.delaunay(np.empty((0, 3)), []), "0 different positions"),
         (lambda: fit.delaunay(np.repeat(CLOUD[:4], 5, axis=0), np.ones(20)), "4 different positions of 20"),
-        (lambda: fit.delaunay(_with(17, np.nan), np.ones(30)), "entry 17"),
-        (lambda: fit.delaunay(_with(3, np.inf), np.ones(30)), "entry 3"),
+        (lambda: fit.delaunay(_with(17, np.nan), np.ones(30)), "point 17"),
+        (lambda: fit.delaunay(_with(3, np.inf), np.ones(30)), "point 3"),
         (lambda: fit.delaunay(_with(3, 1e200), np.ones(30)), "entry 3"),
-        (lambda: fit.delaunay(CLOUD, [*range(29), np.nan]), "values.*nan, entry 29"),
+        (lambda: fit.delaunay(CLOUD, [*range(29), np.nan]), "NaN, the value of point 29"),
         (lambda: fit.delaunay(CLOUD, np.ones(29)), "30 points and 29 values"),
         (lambda: fit.delaunay(CLOUD, np.ma.masked_equal(np.arange(30), 3)), "masked"),
         (lambda: fit.delaunay(CLOUD, ["a"] * 30), "type"),
@@ -411,7 +411,7 @@ _PLANE = CLOUD[:, :2] @ np.array([[0.3, 0.5, 0.1], [-0.7, 0.2, 0.9]])
         (lambda: fit.nearest(CLOUD[:1], [1], neighbors=1), "1 different positions"),
         (lambda: fit.nearest(CLOUD, np.ones(30), neighbors=0), "neighbors"),
         (lambda: fit.nearest(CLOUD, np.ones(30), neighbors=2.5), "neighbors"),
-        (lambda: fit.nearest(_with(2, np.nan), np.ones(30)), "entry 2"),
+        (lambda: fit.nearest(_with(2, np.nan), np.ones(30)), "point 2"),
     ],
 )
 def test_bad_points_have_clear_errors(make, told) -> None:

@@ -148,7 +148,7 @@ def test_particles_of_the_galaxy_tile_space(data_dir: Path) -> None:
     [
         ({"smoothing_lengths": [1.0] * 4 + [0.0] + [1.0] * 25}, "smoothing_lengths.*0, entry 4"),
         ({"smoothing_lengths": [1.0] * 4 + [-2.0] + [1.0] * 25}, "-2, entry 4"),
-        ({"smoothing_lengths": [1.0] * 4 + [np.nan] + [1.0] * 25}, "nan, entry 4"),
+        ({"smoothing_lengths": [1.0] * 4 + [np.nan] + [1.0] * 25}, "NaN, the smoothing_length of point 4"),
         ({"smoothing_lengths": [1.0]}, "30 points and 1 smoothing_lengths"),
         ({"kernel": "gaussian"}, "cubic_spline"),
         ({"support": 0}, "support"),

@@ -105,7 +105,7 @@ def test_data_frames(library):
     ("change", "message"),
     [
         ({"z": [1.0]}, "'z' of shape"),
-        ({"z": np.full(12, np.nan)}, "12 positions that are not finite"),
+        ({"z": np.full(12, np.nan)}, "position of row 0; numbers of 12 of 12 rows are not finite"),
         ({"temperature": np.full(12, np.inf)}, "not finite"),
         ({"radius": np.zeros(12)}, "semi-axis|radius|scales"),
         ({"z": ["a"] * 12}, "also z"),

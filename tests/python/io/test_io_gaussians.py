@@ -39,9 +39,6 @@ def test_gaussians_behind_other_elements(tmp_path):
     header, data, wanted = ply_bytes("text", before="element camera 2\nproperty uchar a\nproperty short b\n")
     read = read_scattered(stored(tmp_path / "t.ply", header + b"1 2\n3 4\n" + data))
     np.testing.assert_array_equal(read.points[:, 0], wanted["x"])
-    header, data, _ = ply_bytes(before="element face 2\nproperty list uchar int a\n")
-    with pytest.raises(ss.InvalidInput, match="lists in face"):
-        read_scattered(stored(tmp_path / "g.ply", header + data))
 
 
 @pytest.mark.parametrize("missing", ["x", "scale_2", "rot_3", "opacity"])
@@ -83,10 +80,9 @@ def test_ply_headers_that_are_damaged_are_refused(tmp_path, old, new):
 @pytest.mark.parametrize(
     ("column", "value", "text"),
     [
-        ("x", math.nan, "positions"),
-        ("scale_1", 1000.0, "scale_0"),
-        ("scale_1", -2000.0, "scale_0"),
-        ("f_dc_0", math.inf, ""),
+        ("x", math.nan, "position of row"),
+        ("scale_1", 1000.0, "size of row"),
+        ("f_dc_0", math.inf, "scalar f_dc_0 of row"),
     ],
 )
 def test_gaussians_with_impossible_numbers_are_refused(tmp_path, column, value, text):
@@ -98,7 +94,7 @@ def test_gaussians_with_impossible_numbers_are_refused(tmp_path, column, value, 
         read_scattered(path, scalar="f_dc_0")
     rows = np.frombuffer(data, "<f8").reshape(30, -1).copy()
     rows[3, PLY.index("rot_0") :] = 0
-    with pytest.raises(ss.InvalidInput, match="quaternion.*3"):
+    with pytest.raises(ss.InvalidInput, match='rotation of row 3.*nan="skip"'):
         read_scattered(stored(path, header + rows.tobytes()))
 
 

@@ -68,7 +68,7 @@ def test_other_groups_of_particles(tmp_path):
 
 
 def test_particles_without_smoothing_lengths_need_neighbors(tmp_path):
-    path, _ = write_particles(tmp_path / "s.h5", leave_out=("SmoothingLength",))
+    path, _ = write_particles(tmp_path / "s.h5", leave_out=("SmoothingLength", "Density"))
     with pytest.raises(ss.InvalidInput, match=r"no smoothing lengths.*neighbors=32"):
         ss.open(path)
 
@@ -83,7 +83,7 @@ def test_particles_that_lie_are_refused(tmp_path):
     with pytest.raises(ss.InvalidInput, match="Coordinates"):
         read_scattered(path)
     path, _ = write_particles(tmp_path / "c.h5", Density=[math.nan, *np.ones(39)])
-    with pytest.raises(ss.InvalidInput, match="1 of 40 values not finite, the first at 0"):
+    with pytest.raises(ss.InvalidInput, match="scalar Density of row 0; numbers of 1 of 40 rows are not finite"):
         read_scattered(path)
     for data in (path.read_bytes()[:1000], path.read_bytes()[:-600], b"\x89HDF\r\n\x1a\n" + bytes(100)):
         with pytest.raises(ss.Error):
@@ -235,7 +235,11 @@ def test_units_of_codes(tmp_path, code):
         quantity = ss.open(path).quantity
         assert quantity.length_unit == units[0] and quantity.label == f"Density [{units[1]}]"
     if code == "AREPO":
-        assert read.details | {"scale factor": "0.5", "h": "0.7", "redshift": "1", "box": "35000"} == read.details
+        assert (
+            read.details
+            | {"scale factor": "0.5", "h": "0.7", "redshift": "1", "box": "35000 x 35000 x 35000, periodic"}
+            == read.details
+        )
     if "GIZMO" in code:
         assert read_scattered(path, scalar="Velocities_x").unit.startswith("km/s")
         assert read_scattered(path, scalar="Masses").unit == ("10¹⁰ M☉" if "not" in code else "10¹⁰ M☉/h")
@@ -269,3 +273,55 @@ def test_a_part_of_a_snapshot_is_told(tmp_path, caplog):
     assert (
         read_scattered(path).details["part"] == "one file of 8 of a snapshot" and "others are not read" in caplog.text
     )
+
+
+def test_cells_of_a_cutout_have_volumes_in_the_unit_of_length(tmp_path):
+    path, data = write_particles(tmp_path / "cutout.hdf5", leave_out=("SmoothingLength",))
+    about(
+        path,
+        {"Header": COSMOLOGY},
+        Coordinates=arepo(1, 0, 0, 1, -1, 3.085678e21),
+        Masses=arepo(0, 1, 0, 0, -1, 1.989e43),
+        Density=arepo(-3, 1, 0, -3, 2, 1.989e43 / 3.085678e21**3),
+    )
+    radius = np.cbrt(0.75 / math.pi * data["Masses"] / data["Density"])
+    np.testing.assert_allclose(read_scattered(path).supports, 2.5 * radius, rtol=1e-6)
+    # Physical densities in g/cm³, masses in 10¹⁰ M☉/h, positions in ckpc/h: the volumes are what they were.
+    factor = 1.989e43 / 3.085678e21**3 * 0.7**2 * 0.5**-3
+    path, _ = write_particles(tmp_path / "b.hdf5", leave_out=("SmoothingLength",), Density=data["Density"] * factor)
+    about(
+        path,
+        {"Header": COSMOLOGY},
+        Coordinates=arepo(1, 0, 0, 1, -1, 3.085678e21),
+        Masses=arepo(0, 1, 0, 0, -1, 1.989e43),
+        Density=arepo(-3, 1, 0, 0, 0, 1.0),
+    )
+    np.testing.assert_allclose(read_scattered(path).supports, 2.5 * radius, rtol=1e-6)
+
+
+def test_a_scalar_is_a_density_or_a_mass_or_asked_for(tmp_path):
+    path, data = write_particles(tmp_path / "a.h5", leave_out=("Density",))
+    assert read_scattered(path).scalar == "Masses"
+    gone = ("Density", "Masses")
+    path, _ = write_particles(tmp_path / "b.h5", leave_out=gone, group="PartType1", header={"MassTable": [0, 2.5, 0]})
+    read = read_scattered(path, particles="dm")
+    assert read.scalar == "Masses" and (read.values == 2.5).all() and "ParticleIDs" in read.scalars
+    path, _ = write_particles(tmp_path / "c.h5", leave_out=gone, header={"MassTable": [0.0, 2.5]})
+    with pytest.raises(
+        ss.InvalidInput, match="no densities or masses in PartType0, but ParticleIDs, .*Velocities_x"
+    ) as caught:
+        read_scattered(path)
+    assert caught.value.option == "scalar"
+    assert np.array_equal(read_scattered(path, scalar="ParticleIDs").values, np.arange(40))
+
+
+def test_particles_behind_a_user_block(tmp_path):
+    data = {"Coordinates": np.random.default_rng(1).random((40, 3)), "Density": np.arange(40.0)}
+    for size, version in ((512, "earliest"), (4096, "latest")):
+        with h5py.File(tmp_path / "a.h5", "w", userblock_size=size, libver=version) as file:
+            for name, values in (data | {"SmoothingLength": np.ones(40)}).items():
+                file[f"PartType0/{name}"] = values
+        read = read_scattered(tmp_path / "a.h5")
+        assert np.array_equal(read.points, data["Coordinates"]) and np.array_equal(read.values, data["Density"])
+        packed = stored(tmp_path / "a.h5.gz", (tmp_path / "a.h5").read_bytes(), gz=True)
+        assert np.array_equal(read_scattered(packed).points, data["Coordinates"])

@@ -141,5 +141,5 @@ def test_plot3d_values_that_are_not_finite_are_named(tmp_path):
             read_scattered(q, grid=xyz, scalar=name)
     wrong = bytearray(grid)
     wrong[12 + 4 * 7 : 16 + 4 * 7] = struct.pack(">f", math.nan)
-    with pytest.raises(ss.InvalidInput, match=r"1 positions that are not finite, the first at 7"):
+    with pytest.raises(ss.InvalidInput, match=r"position of row 7; numbers of 1 of 60 rows are not finite; wanted"):
         read_scattered(q, grid=stored(tmp_path / "nan", bytes(wrong)))

@@ -55,7 +55,7 @@ def test_options_that_mean_nothing_for_a_file_are_refused(tmp_path):
     csv = stored(tmp_path / "t.csv", CSV["commas"].encode())
     npy = tmp_path / "v.npy"
     np.save(npy, np.zeros((2, 3, 4)))
-    for options in ({"radius": 2.0}, {"lattice": "bcc"}, {"spacing": (1, 1, 1)}, {"nan": "skip"}, {"name": "a"}):
+    for options in ({"radius": 2.0}, {"lattice": "bcc"}, {"spacing": (1, 1, 1)}, {"name": "a"}):
         with pytest.raises(ss.InvalidInput, match=f"{next(iter(options))} for scattered data"):
             ss.open(csv, **options)
     for options in ({"particles": "PartType0"}, {"support": 2.0}):

@@ -29,8 +29,8 @@ def erf_between(x0: Array, x1: Array) -> Array:
 
 # Of lattices that are not told where they end: what the package does with them.
 DEFAULT_BOUNDARY = "edge"
-# World-aligned: the lower and the upper corner.
-Box = tuple[Array, Array]
+# The points x with lower <= to_box x <= upper.
+Box = tuple[Array, Array, Array]
 
 
 @dataclass
@@ -48,6 +48,7 @@ class RegularField:
     nan: str = "error"
     boundary: str | None = None  # edge | zero
     base: float | None = None
+    axes: ArrayLike | None = None  # rows: the steps of i, j, k
 
     def ends(self) -> bool:
         """Return whether the lattice ends, and has mirrored samples beyond its outermost ones."""
@@ -68,31 +69,37 @@ class RegularField:
         return float(values.min() / 2 + values.max() / 2)
 
     def layers(self) -> tuple[Array, Array]:
-        """Return samples [z, y, x] on a grid of all layers, NaN where there is none, and the layers' distances (3,).
+        """Return samples [z, y, x] on a grid of all layers, NaN where there is none, and the steps of layers as rows.
 
         Of BCC lattices, layers are half an edge apart along all axes.
         """
         values = np.asarray(self.values, float)
         if self.lattice != "bcc":
-            return values, np.asarray(self.spacing, float)
+            return values, np.diag(np.asarray(self.spacing, float)) if self.axes is None else np.asarray(
+                self.axes, float
+            )
         nk, nj, ni = values.shape
         grid = np.full((nk, 2 * nj, 2 * ni), np.nan)
         grid[0::2, 0::2, 0::2] = values[0::2]
         grid[1::2, 1::2, 1::2] = values[1::2]
         # A lattice of one layer has no odd ones.
-        return (grid if nk > 1 else grid[:, :-1, :-1]), np.full(3, float(self.spacing[0]) / 2)
+        return (grid if nk > 1 else grid[:, :-1, :-1]), np.eye(3) * float(self.spacing[0]) / 2
 
     def domain(self) -> Box | None:
         """Return where the lattice ends: half a layer's distance beyond the outermost layers."""
         if not self.ends():
             return None
-        grid, apart = self.layers()
-        origin = np.asarray(self.origin, float)
-        return origin - apart / 2, origin + (np.array(grid.shape[::-1]) - 0.5) * apart
+        grid, steps = self.layers()
+        origin, last = np.asarray(self.origin, float), np.array(grid.shape[::-1]) - 0.5
+        if self.axes is None:
+            apart = np.diag(steps)
+            return origin - apart / 2, origin + last * apart, np.eye(3)
+        to_box = np.linalg.inv(steps.T)
+        return to_box @ origin - 0.5, to_box @ origin + last, to_box
 
     def kernels(self, *, mirrored: bool = True) -> tuple[Array, Array]:
         """Return the centres (N, 3) in world units without the origin, and f - b (N,)."""
-        grid, apart = self.layers()
+        grid, steps = self.layers()
         counts = np.array(grid.shape)
         radius = self.radius * (math.sqrt(2) if self.lattice == "bcc" else 1)
         more = math.ceil(radius + 0.5) if mirrored and self.ends() else 0
@@ -107,7 +114,7 @@ class RegularField:
             # Distances to the domain, in layers: supports are open balls there, so that those that only touch stay out.
             beyond = np.maximum(0, np.maximum(-0.5 - place, place - (counts[::-1] - 0.5)))
             kept &= (beyond**2).sum(-1) < self.radius**2 * (2 if self.lattice == "bcc" else 1)
-        return place[kept] * apart, grid[kept] - self.counted_from()
+        return place[kept] @ steps, grid[kept] - self.counted_from()
 
     def least_weight(self) -> float:
         """Return the W below which a point is empty."""
@@ -123,33 +130,37 @@ class RegularField:
         """Return the centres of the samples that were given (N, 3), relative to the eye."""
         return self.kernels(mirrored=False)[0] + (np.asarray(self.origin, float) - eye)
 
-    def semi_axes(self) -> Array:
-        """Return the semi-axes of the support, world units."""
+    def shape(self) -> Array:
+        """Return M of the kernels, (3, 3)."""
         if self.lattice == "bcc":
-            return np.full(3, self.radius * float(self.spacing[0]) / math.sqrt(2))
-        return self.radius * np.asarray(self.spacing, float)
+            return np.eye(3) * self.radius * float(self.spacing[0]) / math.sqrt(2)
+        return self.radius * self.layers()[1].T
 
     def sample_volume(self) -> float:
         """Return the volume per sample."""
         if self.lattice == "bcc":
             return float(self.spacing[0]) ** 3 / 2
-        return float(np.prod(np.asarray(self.spacing, float)))
+        return abs(float(np.linalg.det(self.layers()[1])))
 
     def default_slice_spacing(self) -> float:
         """Return the default distance of slices (section 3)."""
-        return float(self.spacing[0]) / 2 if self.lattice == "bcc" else float(min(self.spacing))
+        if self.axes is None:
+            return float(self.spacing[0]) / 2 if self.lattice == "bcc" else float(min(self.spacing))
+        i, j, k = np.asarray(self.axes, float)
+        faces = (np.cross(j, k), np.cross(k, i), np.cross(i, j))
+        return min(self.sample_volume() / float(np.linalg.norm(face)) for face in faces)
 
     def mass(self) -> float:
         """Return C of normalisation lattice: a kernel's integral over the volume per sample."""
-        return ball_integral(self.falloff) * float(np.prod(self.semi_axes())) / self.sample_volume()
+        return ball_integral(self.falloff) * abs(float(np.linalg.det(self.shape()))) / self.sample_volume()
 
     def placed(self, eye: Array, turn: Array) -> Kernels:
         """Return the kernels in eye space."""
         centres, values = self.kernels()
         # Relative to the eye from the start, so that far origins cost no digits.
         offset = centres + (np.asarray(self.origin, float) - eye)
-        semi = self.semi_axes()
-        return Kernels(offset, offset @ turn.T, (turn * semi)[None], turn.T[None] / semi[:, None], values, None)
+        factor = turn @ self.shape()
+        return Kernels(offset, offset @ turn.T, factor[None], np.linalg.inv(factor)[None], values, None)
 
 
 @dataclass

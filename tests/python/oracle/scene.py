@@ -215,7 +215,7 @@ class Clip:
     """Half spaces (normal, offset) and a box; what is in all of them is kept."""
 
     planes: Sequence[tuple[Sequence[float], float]] = ()
-    box: tuple[ArrayLike, ArrayLike] | None = None
+    box: tuple[ArrayLike, ArrayLike] | Box | None = None
 
     def keeps(self, points: Array, camera: Camera, spacing: float) -> Mask:
         """Return which of the points (..., 3) of eye space are kept."""
@@ -228,8 +228,10 @@ class Clip:
             n = np.asarray(normal, float) / length
             kept &= offset @ n >= least / length - n @ camera.eye - slack
         if self.box is not None:
-            low, high = (np.asarray(corner, float) - camera.eye for corner in self.box)
-            kept &= ((offset >= low - slack) & (offset <= high + slack)).all(-1)
+            to_box = np.eye(3) if len(self.box) == 2 else self.box[2]
+            low, high = (np.asarray(corner, float) - to_box @ camera.eye for corner in self.box[:2])
+            at, near = offset @ to_box.T, slack * np.linalg.norm(to_box, axis=1)
+            kept &= ((at >= low - near) & (at <= high + near)).all(-1)
         return kept
 
 
@@ -290,7 +292,7 @@ class Scene:
             return list(one) if isinstance(one, (list, tuple)) else [one]
 
         def settled(fields: list[Any]) -> list[Any]:
-            ends = {None if f.domain() is None else tuple(np.concatenate(f.domain()).tolist()) for f in fields}
+            ends = {None if f.domain() is None else tuple(np.vstack(f.domain()).ravel().tolist()) for f in fields}
             if len(ends) == 1:
                 return fields
             return [replace(f, boundary="zero", base=0.0) if isinstance(f, RegularField) else f for f in fields]

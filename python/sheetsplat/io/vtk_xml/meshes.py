@@ -9,7 +9,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat.io.checks import finite_points, require_rows, unreadable
+from sheetsplat.io.checks import require_rows, unreadable
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.source import Source
 from sheetsplat.io.vtk_cells import (
@@ -59,7 +59,7 @@ def _points(path: Path, reader: ArrayReader, piece: Element, count: int) -> Floa
     place = reader.arrays(piece, "Points")
     if len(place) != 1 or place[0].components != 3:
         raise unreadable(path, f"{len(place)} arrays of Points", "one with three components")
-    return finite_points(path, reader.array(place[0], count).astype(np.float64))
+    return reader.array(place[0], count).astype(np.float64)
 
 
 def _values(reader: ArrayReader, piece: Element, picked: Picked, count: int) -> Floats:

@@ -18,14 +18,14 @@ struct LatticeSection {
     double half_depth = 1.0;               ///< h, world units
     glm::dmat2 to_unit{1.0};               ///< A^-1: eye xy -> unit-sphere plane coordinates
     glm::dvec2 shear{0.0};                 ///< A^-1 (B n)_xy: shift of the cross-section per unit of s
-    bool sheared = false;                  ///< the shear matters (unequal spacing, seen at an angle)
+    bool sheared = false;                  ///< the shear matters (unequal spacing or oblique axes, seen at an angle)
     double extent_x = 1.0, extent_y = 1.0; ///< half the support's extent along eye x and y, world units
 };
 
 LatticeSection lattice_section(const RegularField& field, const Camera& camera);
 
 LatticeSection section_of(const ShapeRows& rows);
-/// B of a lattice's kernels: their semi-axes are the world's axes.
+/// B of a lattice's kernels.
 ShapeRows rows_of(const RegularField& field, const Camera& camera);
 
 } // namespace sheetsplat

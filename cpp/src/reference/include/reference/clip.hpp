@@ -37,8 +37,8 @@ class Cell {
     [[nodiscard]] bool holds(const Vec3& point_eye) const;
 
   private:
-    Vec3 right_, up_, back_;
-    Vec3 lower_, upper_; ///< from the eye, along the world's axes
+    Mat3 to_box_{1.0};   ///< from eye axes
+    Vec3 lower_, upper_; ///< from the eye
 };
 
 } // namespace sheetsplat::reference

@@ -152,7 +152,6 @@ class WorldKernels {
     const RegularField* regular_;
     const EllipsoidField* ellipsoids_;
     std::uint64_t numbers_ = 0;
-    Vec3 semi_axes_{1.0}; ///< of a regular field's
     bool bcc_ = false;
     std::array<Axis, 3> axes_;   ///< i, j, k
     double reach_squared_ = 0.0; ///< of a support, in layers

@@ -47,6 +47,35 @@ def start(command: Sequence[str], **streams: Any) -> subprocess.Popen[bytes]:
     return subprocess.Popen(command, env={**os.environ, _SAFE_PATH: "1"}, start_new_session=True, **streams)
 
 
+@contextlib.contextmanager
+def started(command: Sequence[str], **streams: Any) -> Iterator[subprocess.Popen[bytes]]:
+    """Start a program as `start` does, which ends with this context, whatever ends that.
+
+    A Ctrl-C that comes while it starts, when nobody could end it yet, is heard after that.
+    """
+    heard: list[int] = []
+    is_main = threading.current_thread() is threading.main_thread()
+    before = signal.signal(signal.SIGINT, lambda number, _: heard.append(number)) if is_main else None
+
+    def listen() -> None:
+        if is_main:
+            signal.signal(signal.SIGINT, signal.SIG_DFL if before is None else before)
+
+    try:
+        child = start(command, **streams)
+    except BaseException:
+        listen()
+        raise
+    try:
+        listen()
+        if heard:
+            signal.raise_signal(signal.SIGINT)
+        yield child
+    finally:
+        child.kill()
+        child.wait()
+
+
 def start_module(name: str) -> subprocess.Popen[bytes]:
     """Start a module of the package as a program, with pipes as stdin and stdout; OSError where that fails."""
     return start([sys.executable, "-P", "-m", name], stdin=subprocess.PIPE, stdout=subprocess.PIPE)

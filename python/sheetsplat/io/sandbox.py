@@ -58,16 +58,13 @@ def read_apart(source: Source, reader: str) -> list[Array]:
         file = arrays.fileno()
         numbers = map(str, (memory, seconds, file))
         command = [sys.executable, "-P", str(_SCRIPT), reader, str(source.path), *numbers]
-        child = _processes.start(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, pass_fds=(file,)
-        )
+        streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
         text = b""
-        try:
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                text, _ = child.communicate(timeout=_WAITED * seconds)
-        finally:
-            child.kill()
-            child.wait()
+        with (
+            _processes.started(command, pass_fds=(file,), **streams) as child,
+            contextlib.suppress(subprocess.TimeoutExpired),
+        ):
+            text, _ = child.communicate(timeout=_WAITED * seconds)
         if not text:
             found = f"contents that its reader gave up within {seconds} s and {memory / 1e6:,.0f} MB"
             raise unreadable(source.path, found, "a whole file", "fetch it again")

@@ -297,7 +297,11 @@ def test_the_error_is_that_of_the_limited_picture() -> None:
     error = renderer.render(scene, camera, size=SIZE, depth_limit=depths).error
     whole = renderer.render(scene, camera, size=SIZE).error
     assert not error.map[:, : WIDTH // 2].max() > 1e-6 and whole.map[:, : WIDTH // 2].max() > 1e-3
-    assert np.allclose(error.map[:, WIDTH // 2 :], whole.map[:, WIDTH // 2 :], rtol=1e-3, atol=1e-6)
+    # Up to how fast errors fall in each of the pictures, which is one number for all pixels.
+    seen, known = error.map[:, WIDTH // 2 :], whole.map[:, WIDTH // 2 :]
+    factor = float(seen.sum() / known.sum())
+    assert 0.9 < factor < 1.1
+    assert np.allclose(seen, factor * known, rtol=1e-3, atol=1e-6)
 
 
 def test_settings_for_an_error_serve_other_depths() -> None:

@@ -257,6 +257,12 @@ def test_cells_of_mrc_have_angles(tmp_path):
             ss.open(mrc(tmp_path / f"{number}.mrc", VALUES, cellb=angles))
 
 
+def test_numbers_of_first_samples_beside_an_origin_are_told(tmp_path):
+    path = mrc(tmp_path / "a.mrc", VALUES, origin=(10, 20, 30), nystart=4)
+    with pytest.warns(ss.PictureWarning, match=r"NZSTART = \[0.0, 4.0, 0.0\] are not used beside ORIGIN"):
+        assert ss.open(path).origin == (10, 20, 30)
+
+
 def test_slices_beside_their_line_are_refused(tmp_path):
     def beside(data, z):
         data.ImagePositionPatient = [10 + (z == 2), 20, 30 + 2.5 * z]

@@ -143,8 +143,8 @@ def test_turned_volumes_lie_where_their_headers_say(tmp_path, kind):
     np.testing.assert_allclose(volume.axes, rows @ to_world, atol=1e-5)
     np.testing.assert_allclose(volume.origin, first @ to_world, atol=1e-4)
     assert volume.spacing == pytest.approx(np.linalg.norm(rows, axis=1), rel=1e-5)
-    assert "degrees off those of the world" in volume.details["axes"]
-    assert ("between i and j" in volume.details["axes"]) == (
+    assert "degrees off those of the world" in io.axes.directions(volume.axes)
+    assert ("between i and j" in io.axes.directions(volume.axes)) == (
         shear is not np.eye(3) and "sheared" in kind or "tilted" in kind
     )
     # A tenth of a voxel.

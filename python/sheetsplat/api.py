@@ -235,6 +235,11 @@ def _fields_of(data: Any, given: dict[str, Any]) -> list[Field]:
         _refuse_for_made(given)
         fields: Any = data
         return [data] if isinstance(data, Field) else in_one_world(fields)
+    if isinstance(data, list | tuple) and not data:
+        advice = "check the pattern of names that made the list"
+        raise complain(
+            "the picture cannot be made", f"an empty {type(data).__name__}", "files, arrays or fields", advice
+        )
     if _are_several(data):
         parts: Any = data
         return in_one_world([field for one in parts for field in _fields_of(one, dict(given))])

@@ -151,7 +151,11 @@ def animate(function_or_sequence: Any, frames: int | None = None, **options: Unp
     if count is None:
         if len(steps) == 1 and not steps.is_series:
             raise complain(
-                unusable("animate: frames"), "None with data that stay the same", "a number", option="frames"
+                unusable("animate: frames"),
+                "None with data that stay the same",
+                "a number",
+                "for a film of several files pass them as a list: sorted(folder.glob(...))",
+                option="frames",
             )
         count = frames_of("animate: frames", len(steps))
     return _of_steps(steps, count, options, given)

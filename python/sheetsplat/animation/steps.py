@@ -88,7 +88,8 @@ def steps_of(data: Any, options: Mapping[str, Any]) -> Steps:
         return _of_xarray(data, options.get("scalar"))
     if kind is None and isinstance(data, list | tuple):
         if not data:
-            raise complain("the film cannot be made", "no data", "at least one step")
+            advice = "check the pattern of names that made the list"
+            raise complain("the film cannot be made", f"an empty {type(data).__name__}", "at least one step", advice)
         return _Listed(data)
     sizes = attribute(data, "ndim")
     if sizes == 4:

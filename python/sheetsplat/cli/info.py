@@ -161,6 +161,7 @@ def _shown(look: Look, quantity: Quantity) -> dict[str, Any]:
 def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
     """Return the properties of a file: sizes, ranges, histogram, memory, and its automatic look."""
     from sheetsplat.fields import Lattice, RegularField, as_samples
+    from sheetsplat.io.axes import directions, placement
     from sheetsplat.io.kernels import logarithm
     from sheetsplat.io.opening import kind_of, open_scattered, read_regular
     from sheetsplat.look.decades import floor_of_samples
@@ -176,12 +177,9 @@ def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
         return {**what, **describe(field, bins, options["log"])}
     volume = read_regular(path, given)
     samples = as_samples(volume.values)
-    spacing = options["spacing"] or volume.spacing
-    origin = options["origin"] or volume.origin
     lattice: Lattice = options["lattice"] or "cartesian"
-    extent = _extent(samples.shape, spacing, lattice)
-    # A field of one sample checks spacing and origin without a copy of all samples.
-    RegularField(np.zeros_like(samples[:1, :1, :1]), spacing=spacing, origin=origin, lattice=lattice)
+    # A field of one sample checks where samples lie without a copy of all of them.
+    placed = RegularField(np.zeros_like(samples[:1, :1, :1]), lattice=lattice, **placement(volume, given))
     numbers = _statistics(samples.reshape(-1), bins)
     report: dict[str, Any] = {
         "file": str(path),
@@ -190,10 +188,12 @@ def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
         "type": str(volume.values.dtype.name),
         "kept_as": samples.dtype.name,
         "lattice": lattice,
-        "spacing": list(spacing),
-        "origin": list(origin),
-        "extent": extent,
+        "spacing": list(placed.spacing),
+        "length_unit": volume.quantity.length_unit,
+        "origin": list(placed.origin),
+        "extent": _extent(samples.shape, placed.spacing, lattice),
         "memory_bytes": samples.nbytes,
+        **({} if placed.axes is None else {"axes": directions(placed.axes)}),
         **numbers,
         **volume.details,
     }
@@ -215,7 +215,7 @@ def _regular_rows(report: dict[str, Any]) -> list[tuple[str, str]]:
     return [
         ("samples", " x ".join(map(str, report["samples"])) + f" (x, y, z), {report['type']}"),
         ("lattice", report["lattice"]),
-        ("spacing", _listed(report["spacing"])),
+        ("spacing", f"{_listed(report['spacing'])} {report['length_unit']}".rstrip()),
         ("origin", _listed(report["origin"])),
         ("extent", _listed(report["extent"])),
         *((name, report[name]) for name in ("axes", "mirrored", "converted") if name in report),

@@ -10,7 +10,7 @@ from itertools import permutations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory, notices
 from sheetsplat._checks import Triple, shown, triple
@@ -95,14 +95,11 @@ def placed(where: Where, volume: Volume) -> Volume:
     units = steps / lengths[:, None]
     if not abs(np.linalg.det(units)) > _FLAT_CELL:
         raise unreadable(where, f"the directions of axes {shown(steps.tolist())}", wanted)
-    # The order of axes with the largest sum of cosines.
-    order = max(permutations(range(3)), key=lambda one: sum(abs(units[row, one[row]]) for row in range(3)))
-    plain = np.zeros((3, 3))
-    plain[range(3), order] = np.sign(units[range(3), order]) * lengths
+    order, signs = _nearest(units)
+    plain = signs * lengths[:, None]
     if (np.abs(steps - plain).T @ (counts - 1)).max() > _TURNED * lengths.min():
-        told = {"axes": _directions(units, plain / lengths[:, None])}
-        _log.info("%s: %s", where, told["axes"])
-        return replace(volume, axes=steps, spacing=triple("spacing", lengths), details=volume.details | told)
+        _log.info("%s: %s", where, directions(steps))
+        return replace(volume, axes=steps, spacing=triple("spacing", lengths))
     axis_of = np.argsort(order)
     values = volume.values.transpose([2 - axis_of[2], 2 - axis_of[1], 2 - axis_of[0]])
     first, spacing = np.array(volume.origin), np.ones(3)
@@ -163,8 +160,20 @@ def in_body(volume: Volume, sides: Sequence[str]) -> Volume:
     )
 
 
-def _directions(units: Floats, plain: Floats) -> str:
-    """Return how far three directions are off those of the world, and the angles between them where not right."""
+def _nearest(units: Floats) -> tuple[tuple[int, ...], Floats]:
+    """Return the axes of the world that three directions are nearest to, and the unit vectors along these as rows."""
+    # The order of axes with the largest sum of cosines.
+    order = max(permutations(range(3)), key=lambda one: sum(abs(units[row, one[row]]) for row in range(3)))
+    plain = np.zeros((3, 3))
+    plain[range(3), order] = np.sign(units[range(3), order])
+    return order, plain
+
+
+def directions(axes: ArrayLike) -> str:
+    """Return how far three steps are off the axes of the world, and the angles between them where not right."""
+    steps = np.asarray(axes, dtype=np.float64)
+    units = steps / np.linalg.norm(steps, axis=1)[:, None]
+    plain = _nearest(units)[1]
     off = math.degrees(math.acos(min(1.0, float((units * plain).sum(axis=1).min()))))
     between = [
         math.degrees(math.acos(max(-1.0, min(1.0, float(units[a] @ units[b]))))) for a, b in ((0, 1), (0, 2), (1, 2))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _memory
-from sheetsplat._checks import shown
+from sheetsplat._checks import shown, whole
 from sheetsplat.errors import Error, Words, complain, option_ref
 
 #: A file, or the name of data in memory, for messages.
@@ -31,6 +31,8 @@ def unreadable(
 
 def chosen_step(path: Where, count: int, step: int | None) -> int:
     """Return the number of a time step: `step`, else that of the only one; InvalidInput where there is no such."""
+    if step is not None:
+        whole("open: step", step)
     if step is None and count > 1:
         raise unreadable(path, f"{count} time steps", "one", "pass " + option_ref("step", "0"), option="step")
     if not 0 <= (step or 0) < count:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from sheetsplat import notices
 from sheetsplat._checks import shown, triple
 from sheetsplat.io.checks import checked_shape, floats, printable, unreadable
 from sheetsplat.io.records import Floats, Volume
@@ -62,6 +63,9 @@ def read(source: Source) -> Volume:
     if not origin.any():
         # Older files place the first sample by its number.
         origin = starts @ steps[axes]
+    elif starts.any():
+        # Of two that may add up or say the same the newer one counts.
+        notices.warn(f"{path}: NXSTART, NYSTART, NZSTART = {shown(starts.tolist())} are not used beside ORIGIN")
     label = printable(bytes(header["label"][0]).rstrip(b"\0 ")) if int(header["nlabl"]) > 0 else ""
     return Volume(
         values,

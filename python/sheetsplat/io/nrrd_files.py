@@ -132,6 +132,9 @@ def _sides(header: dict[str, Any]) -> tuple[str, ...]:
     Scanner axes, right-handed axes, and names that are not of this format are no sides.
     """
     words = str(header.get("space", "")).lower().split("-")
+    if len(words) == 1 and words[0][3:] in ("", "t"):
+        # "RAS" and "LPST" stand for the words that they are made of.
+        words = [*words[0][:3], *("time" for _ in words[0][3:])]
     if header.get("space directions") is None or len(words) < 3 or words[3:] not in ([], ["time"]):
         return ()
     return tuple(words[:3])

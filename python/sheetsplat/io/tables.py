@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import warnings
 import zipfile
 from collections.abc import Iterable, Mapping
@@ -193,17 +194,37 @@ def _rows(source: Source, part: str | None, columns: int) -> Floats:
 
 
 def _numbers(source: Source, text: bytes, part: str | None, columns: int, row: int) -> Floats:
+    block = _parsed(text, part)
+    if block is None:
+        # Looking for cells that hold nothing takes longer than to parse the rows.
+        text = _with_nan(text, part)
+        block = _parsed(text, part)
+    if block is None:
+        found = _fault(text, part, columns, row) or f"a row after row {row} that is not of numbers"
+        raise unreadable(source.path, found, f"{columns} numbers in every row")
+    if block.size and block.shape[1] != columns:
+        found = f"{block.shape[1]} numbers in row {row}"
+        raise unreadable(source.path, found, f"{columns}, as the first line has names")
+    return block.reshape(-1, columns)
+
+
+def _parsed(text: bytes, part: str | None) -> Floats | None:
+    """Return the numbers of rows, None where a row is not of as many numbers as the others."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             block: Floats = np.loadtxt(io.BytesIO(text), delimiter=part, comments="#", ndmin=2, encoding="utf-8")
     except (ValueError, UnicodeDecodeError):
-        found = _fault(text, part, columns, row) or f"a row after row {row} that is not of numbers"
-        raise unreadable(source.path, found, f"{columns} numbers in every row") from None
-    if block.size and block.shape[1] != columns:
-        found = f"{block.shape[1]} numbers in row {row}"
-        raise unreadable(source.path, found, f"{columns}, as the first line has names")
-    return block.reshape(-1, columns)
+        return None
+    return block
+
+
+def _with_nan(text: bytes, part: str | None) -> bytes:
+    """Return rows with "nan" in the cells that hold nothing, as pandas and spreadsheets write missing numbers."""
+    if part is None:
+        return text
+    mark = re.escape(part.encode())
+    return re.sub(rb"(?<=%b) *(?=%b|\r?$)|^ *(?=%b)" % (mark, mark, mark), b"nan", text, flags=re.MULTILINE)
 
 
 def _fault(text: bytes, part: str | None, columns: int, row: int) -> str:

@@ -279,7 +279,8 @@ def read(source: Source | Folder, name: str | None = None, step: int | None = No
         source.stream.seek(0)
         values, told = _pages(path, source.stream, name, step)
     if 1 in values.shape[:1] and isinstance(source, Source):
-        raise unreadable(path, f"one page of {sides(values.shape[1:])}", "several: the slices of a volume")
+        advice = "where each file is a slice, pass the folder"
+        raise unreadable(path, f"one page of {sides(values.shape[1:])}", "several: the slices of a volume", advice)
     return Volume(values, format="tiff", **_placement(path, told))
 
 
@@ -297,8 +298,9 @@ def _slices(folder: Folder, name: str | None, step: int | None) -> tuple[NDArray
             values = np.empty((len(files), *page.shape[1:]), page.dtype)
         if page.shape != (1, *values.shape[1:]) or page.dtype != values.dtype:
             found = f"{file.name} with {page.shape[0]} pages of {page.shape[1:]}, {page.dtype}"
-            wanted = f"one of {values.shape[1:]}, {values.dtype}, as {files[0].name} has"
-            raise unreadable(folder.path, found, wanted)
+            wanted = f"one of {values.shape[1:]}, {values.dtype}: a file is a slice of the volume"
+            advice = "of files that are volumes pass one, or all as a list to sheetsplat.animate"
+            raise unreadable(folder.path, found, wanted, advice)
         values[number] = page[0]
     assert values is not None
     return values, told

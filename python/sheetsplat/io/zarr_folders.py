@@ -142,6 +142,9 @@ def _chosen(source: Folder, name: str | None) -> tuple[Path, str | None]:
     dimensions or more.
     """
     root = below(source.path, source.inner) if source.inner else source.path
+    if not root.is_dir():
+        held = sorted(one.name for one in root.parent.iterdir() if one.is_dir()) if root.parent.is_dir() else []
+        raise unreadable(source.path, f"nothing at {source.inner}", "one of: " + (listed(held) or "(none)"))
     if is_array(root) or _told_of(root):
         return root, name
     if name is not None and is_array(below(root, name)):

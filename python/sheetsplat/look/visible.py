@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat._checks import Bounds, triple
-from sheetsplat.camera import Camera
+from sheetsplat.camera import Camera, bounds_of
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.look.measure import Floats, Measure, coarse_picture, measure_kernels, measure_volumes
 from sheetsplat.modes import TRAITS
@@ -59,11 +59,16 @@ def visible_points(scene: Scene, camera: Camera) -> tuple[Floats, float] | None:
     None where that is everything. What can be seen is found in a coarse picture along the view: the opacity of a ray is
     1 - exp(-sum of optical depths), whatever lies in front, so a histogram of positions weighted by their optical
     depths is enough. Integrals have values for optical depths, surfaces all that is on their dense side, maxima and
-    means all that is not dark; where the minimum of a ray is shown, everything counts.
+    means all that is not dark; where the minimum of a ray is shown, everything counts. Integrals of a region are those
+    of all that it keeps, and integrals of a periodic box those of the box.
     """
     mode = TRAITS[scene.mode]
     if mode.fold == "smallest":
         return None
+    if mode.integrates:
+        region = _region(scene)
+        if region is not None or all(isinstance(one, EllipsoidField) and one.periodic for one in scene.fields):
+            return region
     as_sum, by_brightness = mode.integrates, mode.counts
     parts, looked_at = [], 0
     for one, others, function in _measures(scene):
@@ -96,6 +101,18 @@ def visible_points(scene: Scene, camera: Camera) -> tuple[Floats, float] | None:
     first, last = _quantiles(places[seen, 2], weights[seen])
     seen &= (places[:, 2] >= first) & (places[:, 2] <= last)
     return points[seen], reach
+
+
+def _region(scene: Scene) -> tuple[Floats, float] | None:
+    """Return the middle and the radius of a sphere that is kept, or the corners of a box; None where all is kept."""
+    clip, ends = scene.options["clip"], np.asarray(bounds_of(scene))
+    if clip.region is None:
+        return None
+    low, high = np.maximum(clip.region[0], ends[0]), np.minimum(clip.region[1], ends[1])
+    if clip.box is None and np.array_equal([low, high], clip.region):
+        return np.array([clip.sphere[0]]), clip.sphere[1]
+    # Nothing is kept where they do not meet.
+    return (corners_of((triple("", low), triple("", high))), 0.0) if np.all(low < high) else None
 
 
 def _quantiles(numbers: Floats, weights: Floats) -> tuple[float, float]:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from types import NoneType, UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin
 
-from sheetsplat._checks import nearest_names
-from sheetsplat.errors import Error, InvalidInput, complain
+from sheetsplat._checks import nearest_names, shown
+from sheetsplat.errors import Error, InvalidInput, complain, unusable
 from sheetsplat.modes import TRAITS
 from sheetsplat.options.values import Value
 
@@ -176,10 +176,16 @@ def filled(group: type, options: Mapping[str, Any]) -> dict[str, Any]:
     return {name: options.get(name, defined.default) for name, defined in definitions(group).items()}
 
 
-def check_names(function: str, options: Iterable[str], group: type, others: Sequence[str] = ()) -> None:
-    """Raise UnknownOption, a TypeError, for a name that is not an option of `group` nor one of `others`."""
+def check_names(function: str, options: Mapping[str, Any], group: type, others: Sequence[str] = ()) -> None:
+    """Raise UnknownOption, a TypeError, for a name that is not an option of `group` nor one of `others`.
+
+    InvalidInput for what is no text where an option is a text alone: readers look for it among names.
+    """
     defined = definitions(group)
-    for name in options:
+    for name, value in options.items():
+        if name in defined and defined[name].type == str | None and not isinstance(value, str | None):
+            advice = f'pass {name}="{value}"' if isinstance(value, int) else ""
+            raise complain(unusable(f"{function}: {name}"), shown(value), "a text", advice, option=name)
         if name not in defined and name not in others:
             called = next((f"did you mean {own}?" for own, one in defined.items() if name in one.called), "")
             near = called or nearest_names(name, [*defined, *others])

@@ -151,6 +151,8 @@ def test_info_tells_what_is_there(tmp_path, volume, ball):
     assert "1 NaN, 1 infinite" in run("info", tmp_path / "b.npy").stdout
     np.save(tmp_path / "c.npy", np.full((2, 2, 2), np.nan))
     assert "8 NaN" in run("info", tmp_path / "c.npy").stdout
+    sheared = run("info", volume, "--axes", "2,0,0,1,1,0,0,0,3").stdout
+    assert "2, 1.41421, 3" in sheared and "45.0, 90.0, 90.0 degrees between i and j" in sheared
 
 
 def test_devices():

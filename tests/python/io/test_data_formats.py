@@ -251,8 +251,14 @@ def test_tiff_pages_that_do_not_fit(tmp_path):
         ss.open(tmp_path / "a.tif")
     with pytest.raises(ss.InvalidInput, match="3 samples a pixel"):
         ss.open(tiff(tmp_path / "b.tif", np.zeros((4, 5, 3), np.uint8), photometric="rgb"))
-    with pytest.raises(ss.InvalidInput, match="one page"):
+    with pytest.raises(ss.InvalidInput, match="one page .* pass the folder"):
         ss.open(tiff(tmp_path / "c.tif", VALUES[0]))
+    (tmp_path / "series").mkdir()
+    tiff(tmp_path / "series" / "a.tif", VALUES)
+    with pytest.raises(ss.InvalidInput, match="a file is a slice of the volume; .* to sheetsplat.animate"):
+        ss.open(tmp_path / "series")
+    with pytest.raises(ss.InvalidInput, match="pass them as a list"):
+        ss.animate(tmp_path / "series")
     with pytest.raises(ss.InvalidInput, match="2 channels: 0, 1; wanted one of them; pass name="):
         ss.open(tiff(tmp_path / "d.ome.tif", np.stack([VALUES, VALUES]), metadata={"axes": "CZYX"}))
 
@@ -484,7 +490,11 @@ def test_time_steps_of_ome_zarr(tmp_path, version):
     for step in range(3):
         assert np.array_equal(ss.open(path, step=step).values, stack[step])
     assert len(ss.animate(path, size=16, backend="reference")) == 3
-    for options, text in (({}, "3 time steps; wanted one; pass step=0"), ({"step": 3}, "no step 3 of 3")):
+    for options, text in (
+        ({}, "3 time steps; wanted one; pass step=0"),
+        ({"step": 3}, "no step 3 of 3"),
+        ({"step": "1"}, "wanted a whole number"),
+    ):
         with pytest.raises(ss.InvalidInput, match=text):
             ss.open(path, **options)
     # The first of four dimensions without names is that of time.

@@ -117,6 +117,15 @@ def test_csv_of_many_pieces(tmp_path, monkeypatch):
         np.testing.assert_array_equal(np.column_stack([read.points, read.values]), rows)
 
 
+def test_cells_of_a_csv_that_hold_nothing_are_missing_numbers(tmp_path):
+    rows = b"x,y,z,value,more\n1,2,3,4,5\r\n,,,,\n1,2,3,,5\n\n5, ,6,7,1\n3,2,1,8,\n9,2,3,9,5\n"
+    path = stored(tmp_path / "t.csv", rows)
+    with pytest.raises(ss.InvalidInput, match="the position of row 1; numbers of 3 of 6 rows"):
+        read_scattered(path)
+    with pytest.warns(ss.PictureWarning, match="3 of 6 rows .* position in 2, scalar value in 2"):
+        assert read_scattered(path, nan="skip").values.tolist() == [4, 8, 9]
+
+
 @pytest.mark.parametrize(
     ("text", "found"),
     [

@@ -143,8 +143,8 @@ def test_turned_volumes_lie_where_their_headers_say(tmp_path, kind):
     np.testing.assert_allclose(volume.axes, rows @ to_world, atol=1e-5)
     np.testing.assert_allclose(volume.origin, first @ to_world, atol=1e-4)
     assert volume.spacing == pytest.approx(np.linalg.norm(rows, axis=1), rel=1e-5)
-    assert "degrees off those of the world" in volume.details["axes"]
-    assert ("between i and j" in volume.details["axes"]) == (
+    assert "degrees off those of the world" in io.axes.directions(volume.axes)
+    assert ("between i and j" in io.axes.directions(volume.axes)) == (
         shear is not np.eye(3) and "sheared" in kind or "tilted" in kind
     )
     # A tenth of a voxel.
@@ -255,6 +255,12 @@ def test_cells_of_mrc_have_angles(tmp_path):
     for number, angles in enumerate(((90, 90, 180), (10, 10, 90), (-90, 90, 90))):
         with pytest.raises(ss.InvalidInput, match="angles .* of a cell"):
             ss.open(mrc(tmp_path / f"{number}.mrc", VALUES, cellb=angles))
+
+
+def test_numbers_of_first_samples_beside_an_origin_are_told(tmp_path):
+    path = mrc(tmp_path / "a.mrc", VALUES, origin=(10, 20, 30), nystart=4)
+    with pytest.warns(ss.PictureWarning, match=r"NZSTART = \[0.0, 4.0, 0.0\] are not used beside ORIGIN"):
+        assert ss.open(path).origin == (10, 20, 30)
 
 
 def test_slices_beside_their_line_are_refused(tmp_path):

@@ -275,6 +275,8 @@ def root_of_images(root, version=2):
 def test_images_in_a_root(tmp_path, version):
     root = root_of_images(tmp_path / "a.zarr", version)
     assert np.array_equal(ss.open(root).values, VALUES)
+    with pytest.raises(ss.InvalidInput, match="found nothing at /7; wanted one of: 0"):
+        ss.open(f"{root}:/7")
     picture(root / "1", version, ("only",))
     with pytest.raises(ss.InvalidInput, match=r"2 images: 0, 1; wanted one of them; choose one, .*a.zarr:/0"):
         ss.open(root)

@@ -111,6 +111,23 @@ def test_wrong_kinds_are_errors_of_the_package(call: Callable[[], object]) -> No
     assert str(caught.value).strip()
 
 
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [({"name": 1}, 'found 1; wanted a text; pass name="1"'), ({"scalar": ["a"]}, "wanted a text")],
+)
+def test_names_are_texts(options: dict[str, Any], text: str) -> None:
+    for call in (ss.open, ss.render, ss.animate, ss.open_bricks):
+        with pytest.raises(ss.InvalidInput, match=text) as caught:
+            call("none.tif", **options)
+        assert caught.value.option == next(iter(options))
+
+
+def test_lists_without_data_say_so() -> None:
+    for call in (ss.render, ss.animate):
+        with pytest.raises(ss.InvalidInput, match="an empty list; wanted .*; check the pattern"):
+            call([])
+
+
 def test_open_with_a_word_as_logarithm(tmp_path: Path) -> None:
     np.save(tmp_path / "v.npy", SAMPLES)
     with pytest.raises(ss.InvalidInput, match="log"):

@@ -62,6 +62,25 @@ def test_the_mass_of_particles_in_a_region(rng, direction):
         assert shown_mass(ss.render(field, clip=clip, **look)) == pytest.approx(mass, rel=1e-3)
 
 
+def test_xrays_show_all_of_a_region_and_of_a_periodic_box_however_faint(rng):
+    """One kernel has nearly all of the mass, and does not decide what the picture shows."""
+    centers = np.vstack([[(2, 1, 0)], rng.uniform(-4, 4, (60, 3))])
+    made = {"values": [1e4] + [1.0] * 60, "normalization": "none"}
+    field, ends = ss.EllipsoidField(centers, np.full(61, 0.8), **made), ((-4.0,) * 3, (4.0,) * 3)
+    look = {"size": 16, "backend": "cpu", "direction": "-z", "up": "y"}
+    for one, clip, middle, high in (
+        (field, ss.Clip(sphere=((1, 0, -1), 2.5)), (1, 0), 5),
+        (field, ss.Clip(box=((-2, -3, -99), (2, 2, 99))), (0, -0.5), 5),
+        (ss.EllipsoidField(centers, np.full(61, 0.8), periodic=ends, **made), ss.Clip(), (0, 0), 8),
+    ):
+        camera = ss.render(one, clip=clip, mode="xray", **look).camera
+        np.testing.assert_allclose(camera.target[:2], middle, atol=1e-9)
+        assert high <= camera.height < 1.1 * high
+        # Where colours are shown, what is too faint to be seen is left out as before.
+        seen = ss.render(one, clip=clip, mode="composite", clim=(0, 1e4), opacity=[(1e3, 0), (1e4, 1)], **look)
+        assert seen.camera.height < 0.5 * high
+
+
 @pytest.mark.parametrize("kind", ["orthographic", "perspective"])
 @pytest.mark.parametrize("mode", ["composite", "xray", "mip", "average"])
 @pytest.mark.parametrize("backend", ["cpu", pytest.param("gl", marks=pytest.mark.gl)])

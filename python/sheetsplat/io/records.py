@@ -180,6 +180,8 @@ class Scattered:
         Why values may be NaN, for messages.
     periodic
         The box in which they wrap, as for `EllipsoidField`; None: they do not.
+    rows
+        Which rows of the data these are, (N,); None: all.
     """
 
     points: Floats
@@ -207,6 +209,7 @@ class Scattered:
     length_unit: str = ""
     why: str = ""
     periodic: Bounds | None = None
+    rows: NDArray[np.int64] | None = None
 
     def usable(self, where: object, nan: str = "error") -> Scattered:
         """Return the rows whose numbers are finite, and the cells of them; see `usable_rows`, which raises."""
@@ -224,7 +227,7 @@ class Scattered:
             number = np.cumsum(kept) - 1
             blocks = [number[block[kept[block].all(axis=1)]] for block in self.cells]
             fewer["cells"] = tuple(block for block in blocks if len(block)) or None
-        return replace(self, **fewer)
+        return replace(self, rows=np.flatnonzero(kept), **fewer)
 
     @property
     def has_kernels(self) -> bool:

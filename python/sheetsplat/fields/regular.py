@@ -248,7 +248,7 @@ class RegularField(Field):
         self._axes = None if axes is None else _axes_of(axes, spacing)
         self._spacing = triple("RegularField: spacing", (1.0, 1.0, 1.0) if spacing is None else spacing)
         if self._axes is not None:
-            self._spacing = triple("RegularField: axes", np.linalg.norm(self._axes, axis=1))
+            self._spacing = triple("RegularField: axes", np.hypot.reduce(self._axes, axis=1))
 
     def _made(
         self,

@@ -24,6 +24,7 @@ _SIZES = ("supports", "deviations", "scales")
 # products of 16 bits fit 32.
 _FINE = 2.0**16
 _WHOLE = 2.0**14
+_LEAST_STEP = 2.0**-100
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,8 @@ class Packing:
         if stored.kind != "f" and short and not self.missing and whole and abs(self.scale) <= _WHOLE:
             return np.dtype(np.int32 if abs(self.offset) < 2**30 else np.float64)
         fine = stored.kind == "f" or not scaled or abs(self.offset) <= _FINE * abs(self.scale)
+        # Steps, and products of 16 bits with them, within float32.
+        fine &= _LEAST_STEP <= abs(self.scale) <= 1.0 / _LEAST_STEP
         return np.dtype(np.float32 if fine and (short or stored == np.float32) else np.float64)
 
     def unpacked(self, values: NDArray[Any], where: object) -> NDArray[Any]:
@@ -85,8 +88,10 @@ class Packing:
             lost = same if lost is None else lost | same
         found: NDArray[Any] = values.astype(kind)
         if (self.scale, self.offset) != (1.0, 0.0):
-            np.multiply(found, kind.type(self.scale), out=found)
-            np.add(found, kind.type(self.offset), out=found)
+            # Infinite samples are refused where they are used.
+            with np.errstate(over="ignore", invalid="ignore"):
+                np.multiply(found, kind.type(self.scale), out=found)
+                np.add(found, kind.type(self.offset), out=found)
         if lost is not None:
             found[lost] = np.nan
         return found

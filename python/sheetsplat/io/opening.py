@@ -16,7 +16,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import is_off, shown
-from sheetsplat.errors import complain, option_refs
+from sheetsplat.errors import Error, about_option, complain, option_refs
 from sheetsplat.fields import EllipsoidField, Field, NanPolicy, RegularField
 from sheetsplat.io.axes import placement, settled, tell_units
 from sheetsplat.io.checks import Where, printable, unreadable
@@ -306,7 +306,10 @@ def weighted(
     if "weight" not in options:
         return field
     of_weight = {name: one for name, one in rest.items() if name not in ("name", "scalar", "log", "base")}
-    record_of_weight, weight = read({**of_weight, "scalar": options["weight"]})
+    try:
+        record_of_weight, weight = read({**of_weight, "scalar": options["weight"]})
+    except Error as error:
+        raise about_option(error, "scalar", "weight") from error
     mine, its = _rows(record, field), _rows(record_of_weight, weight)
     if np.array_equal(mine, its) or (mine.size, its.size) != (field.size, weight.size):
         return field.weighted_by(weight)

@@ -84,6 +84,13 @@ def test_weights_lie_where_the_values_do():
     assert field.weighted_by(ss.RegularField(RHO, axes=np.eye(3), origin=(5e6, 0, 1e-9))).weighting is not None
 
 
+def test_names_of_weights_that_are_none_are_told_as_weights(tmp_path, rng):
+    snapshot(tmp_path / "a.hdf5", rng)
+    with pytest.raises(ss.InvalidInput, match=r"pass weight=\.\.\.") as caught:
+        ss.open(tmp_path / "a.hdf5", scalar="Temperature", weight="Nope")
+    assert "scalar=" not in str(caught.value)
+
+
 def test_weights_go_with_the_values_that_they_are_of():
     field = ss.RegularField(T).weighted_by(RHO)
     assert field.replace(T + 1.0).weighting is not None and field.replace(T[:5]).weighting is None

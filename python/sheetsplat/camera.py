@@ -52,6 +52,8 @@ def bounds_of(thing: object, levels: int = 2) -> Bounds:
         corners = np.asarray(bounds, dtype=np.float64)
     except Exception:  # Objects of others raise whatever they like.
         corners = np.empty(0)
+    if corners.shape == (2, 3) and np.all(corners[0] > corners[1]):
+        raise complain("Camera.fit: there is nothing to look at", f"no kernels in {shown(thing)}", wanted)
     if bounds is None or corners.shape != (2, 3) or not np.all(corners[0] <= corners[1]):
         raise complain("Camera.fit: this cannot be looked at", shown(thing if bounds is None else bounds), wanted)
     return triple("bounds", corners[0]), triple("bounds", corners[1])

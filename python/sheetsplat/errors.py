@@ -9,7 +9,8 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeGuard
 
 from sheetsplat._escaping import escaped
 
@@ -23,6 +24,7 @@ __all__ = [
     "OutOfMemory",
     "Unsupported",
     "Words",
+    "about_option",
     "complain",
     "missing_package",
     "option_ref",
@@ -250,6 +252,21 @@ class Cancelled(Error):
     """
 
     __module__ = "sheetsplat"
+
+
+def about_option(error: Error, old: str, new: str) -> Error:
+    """Return an error that refers to another option in place of `old`."""
+    told = error.complaint
+
+    def renamed(text: Words) -> Words:
+        return Words(tuple(replace(one, name=new) if _is_option(one, old) else one for one in text.pieces))
+
+    option = new if told.option == old else told.option
+    return type(error)(renamed(told.what), renamed(told.found), renamed(told.wanted), renamed(told.advice), option)
+
+
+def _is_option(piece: str | OptionRef, name: str) -> TypeGuard[OptionRef]:
+    return isinstance(piece, OptionRef) and piece.name == name
 
 
 def complain(

@@ -282,6 +282,8 @@ EllipsoidField::EllipsoidField(EllipsoidArrays arrays, const EllipsoidFieldOptio
 }
 
 void EllipsoidField::wrap_centers() {
+    // Of a side: what the digits of a position may leave open.
+    constexpr double coarsest_place = 1e-3;
     constexpr double infinity = std::numeric_limits<double>::infinity();
     const Box& box = *options_.periodic;
     domain_ = Box{Vec3(-infinity), Vec3(infinity)};
@@ -301,6 +303,13 @@ void EllipsoidField::wrap_centers() {
             double& at = center[axis];
             // What lies in the box stays what it is to the last digit.
             if (at < lower || at >= box.upper[axis]) {
+                if (std::abs(at) * std::numeric_limits<double>::epsilon() > coarsest_place * side) {
+                    throw InvalidInput(
+                        Complaint{unusable(owner, "periodic"),
+                                  "a center at " + text_of(at) + ", of which float64 does not say where in a box of " +
+                                      text_of(side) + " it lies",
+                                  "positions and a box in one unit", "check the units of both"});
+                }
                 const double share = (at - lower) / side;
                 at = lower + (share - std::floor(share)) * side;
                 at = at < box.upper[axis] ? at : lower;
@@ -342,7 +351,7 @@ void EllipsoidField::add_images() {
                                          text_of(count) + " images of kernel " + text_of_count(i) +
                                              ", semi-axes up to " + text_of(std::max({reach.x, reach.y, reach.z})),
                                          "at most " + text_of(most_images) + " of a kernel",
-                                         "use smaller kernels, or a larger box"});
+                                         "use smaller kernels, or pass " + option_ref("periodic", "...") + " with a larger box"});
         }
         all += static_cast<std::size_t>(count) - 1;
     }

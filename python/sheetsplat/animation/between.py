@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import api
 from sheetsplat._checks import instance, number, numbers
+from sheetsplat._rows import usable_rows
 from sheetsplat.animation.sources import FileStep, MemoryStep, SharedLook
 from sheetsplat.errors import complain, unusable
 from sheetsplat.fields import EllipsoidField
@@ -70,13 +71,14 @@ class Snapshot:
         if np.unique(ids).size < count:
             raise complain(unusable("Snapshot: ids"), "two particles of one number", "a number for each particle")
         velocities = numbers("Snapshot: velocities", self.velocities, f"({count}, 3) numbers").astype(np.float64)
-        if velocities.shape != (count, 3) or not np.isfinite(velocities).all():
-            found = f"an array of shape {velocities.shape}"
-            raise complain(unusable("Snapshot: velocities"), found, f"({count}, 3) finite numbers")
+        if velocities.shape != (count, 3):
+            raise complain(unusable("Snapshot: velocities"), f"an array of shape {velocities.shape}", f"({count}, 3)")
+        usable_rows("Snapshot", {"velocity": velocities}, "error", row="particle")
         time = number("Snapshot: time", self.time)
         if not np.isfinite(time):
             raise complain(unusable("Snapshot: time"), f"{time:g}", "a finite number")
-        known = {"ids": ids, "velocities": velocities, "time": time}
+        # Numbers of one particle may have a sign in one file and none in the other; float64 would not tell them apart.
+        known = {"ids": ids.astype(np.uint64), "velocities": velocities, "time": time}
         for name, value in known.items():
             object.__setattr__(self, name, value)
 
@@ -91,12 +93,19 @@ class Snapshot:
         Error
             What `sheetsplat.open` raises.
         """
+        from sheetsplat.io.opening import rows_of
         from sheetsplat.io.particle_motion import read_motion
 
         motion = read_motion(Path(path), options.get("particles"))
         opened = api.Opened.of(Path(path), options).fields[0]
         assert isinstance(opened, EllipsoidField)
-        return cls(opened, motion.ids, motion.velocities, motion.time)
+        ids, velocities = motion.ids, motion.velocities
+        if options.get("nan") == "skip":
+            rows = rows_of(path, options)
+            ids, velocities = (one if rows is None else one[rows] for one in (ids, velocities))
+            moving = np.flatnonzero(np.isfinite(velocities).all(axis=1))
+            opened, ids, velocities = opened.part(moving), ids[moving], velocities[moving]
+        return cls(opened, ids, velocities, motion.time)
 
     def towards(self, other: Snapshot, share: float) -> EllipsoidField:
         """Return the particles between this snapshot, at the share 0, and another one, at 1.
@@ -139,6 +148,9 @@ class Snapshot:
             weights=weight,
             **options,
         )
+        if first.weighting is not None and second.weighting is not None:
+            of_both = _between(first.weighting[mine], second.weighting[its], share)
+            made = made.weighted_by(np.concatenate((of_both, first.weighting[gone], second.weighting[new])))
         return made.of_quantity(first.quantity).with_orientation(first.orientation)
 
     def _checked(self, other: Snapshot) -> tuple[EllipsoidField, EllipsoidField]:
@@ -146,6 +158,8 @@ class Snapshot:
         what = "frames between snapshots cannot be drawn"
         if any(one.rotations is not None for one in (first, second)) or first.scales.ndim != second.scales.ndim:
             raise complain(what, "kernels that are turned, or of two kinds", "spheres")
+        if (first.weighting is None) != (second.weighting is None):
+            raise complain(what, "weights of means in one alone", "them in both, or in none")
         for name in _SAME:
             if getattr(first, name) != getattr(second, name):
                 found = f"{name} {getattr(first, name)} and {getattr(second, name)}"
@@ -177,7 +191,7 @@ def _between(first: Floats, second: Floats, share: float) -> Floats:
     linear = (1.0 - share) * first + share * second
     above = (first > 0.0) & (second > 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(above, first * (second / first) ** share, linear)
+        return np.where(above, first ** (1.0 - share) * second**share, linear)
 
 
 _Key = tuple[str, str]

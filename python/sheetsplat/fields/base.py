@@ -180,10 +180,16 @@ class Field(ABC):
         if not np.isfinite(known).all() or (known < 0.0).any() or not (known > 0.0).any():
             wrong = known[~(known >= 0.0) | np.isinf(known)]
             found = f"{wrong[0]:g}, and {wrong.size} such numbers" if wrong.size else "no number above 0"
-            raise complain(unusable(what), found, "finite numbers of at least 0, not all 0")
+            raise complain(
+                unusable(what), found, "finite numbers of at least 0, not all 0", "set weights that are missing to 0"
+            )
         kept = np.array(weights, dtype=np.float64)
         kept.flags.writeable = False
         return self._with(_weighting=kept)
+
+    def _weighting_of(self, shape: tuple[int, ...]) -> NDArray[np.float64] | None:
+        """Return the weights of means for values of a shape; None for others than its own."""
+        return self._weighting if self._weighting is not None and self._weighting.shape == shape else None
 
     def _lies_as(self, other: Field) -> bool:
         """Return whether another field has values at the same places, for the same kernels."""

@@ -250,7 +250,8 @@ class EllipsoidField(Field):
         """
         arrays = (getattr(self.native, name) for name in _ARRAYS)
         kept: list[Any] = [None if array is None else array[chosen] for array in arrays]
-        return self.with_rows(*kept, value_range=value_range or self.value_range)
+        own = self if self._weighting is None else self._with(_weighting=self._weighting[chosen])
+        return own.with_rows(*kept, value_range=value_range or self.value_range)
 
     def with_rows(
         self,
@@ -281,7 +282,8 @@ class EllipsoidField(Field):
         counted = None if value_range is None else tuple(value - self._base for value in value_range)
         rows = centers, scales, rotations, values, weights
         native = self._made(*rows, unit_rotations=True, value_range=counted, **changes)
-        return self._with(native=native, **{f"_{name}": one for name, one in changes.items()})
+        changed: dict[str, Any] = {f"_{name}": one for name, one in changes.items()}
+        return self._with(native=native, _weighting=self._weighting_of((len(values),)), **changed)
 
     @classmethod
     def from_covariances(

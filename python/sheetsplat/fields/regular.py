@@ -33,6 +33,8 @@ PARTS = (
     *("_spacing", "_origin", "_lattice", "_radius", "_falloff", "_normalization", "_w0", "_nan", "_settled"),
     *("_boundary", "_base", "_axes"),
 )
+# Lattices are the same where no sample lies farther from its like, in the shortest step.
+_ALIKE = 1e-3
 # Kernels that are summed at points in one call: a fraction of a second.
 _SUMMED_AT_ONCE = 1 << 26
 
@@ -246,7 +248,7 @@ class RegularField(Field):
         self._axes = None if axes is None else _axes_of(axes, spacing)
         self._spacing = triple("RegularField: spacing", (1.0, 1.0, 1.0) if spacing is None else spacing)
         if self._axes is not None:
-            self._spacing = triple("RegularField: axes", np.linalg.norm(self._axes, axis=1))
+            self._spacing = triple("RegularField: axes", np.hypot.reduce(self._axes, axis=1))
 
     def _made(
         self,
@@ -323,15 +325,18 @@ class RegularField(Field):
 
     def _told_by(self, other: RegularField) -> Self:
         """Return the same field with what another one of its samples says about them."""
-        same = {name: getattr(other, name) for name in ("_opened", "_orientation", "_trim", "_weighting")}
-        told = self._with(**same)
+        same = {name: getattr(other, name) for name in ("_opened", "_orientation", "_trim")}
+        told = self._with(**same, _weighting=other._weighting_of(self.shape))
         return told.with_quantity_of_samples(other._quantity, other.spacing, other.origin, other.lattice)
 
     def _lies_as(self, other: Field) -> bool:
         """Return whether another volume has the same lattice."""
         if not isinstance(other, RegularField) or (self.shape, self.lattice) != (other.shape, other.lattice):
             return False
-        return bool(np.allclose((self.spacing, self.origin), (other.spacing, other.origin), rtol=1e-6, atol=0.0))
+        # Of two lattices that differ in what is linear in the index, the farthest samples are at corners.
+        last = np.subtract(self.shape, 1)[::-1]
+        moved = np.abs(np.subtract(self.origin, other.origin)) + last @ np.abs(self.steps - other.steps)
+        return bool(moved.max() <= _ALIKE * min(self.spacing))
 
     def with_quantity_of_samples(self, quantity: Quantity, spacing: Triple, origin: Triple, lattice: str) -> Self:
         """Return the same field with what its samples are where they lie at another spacing and origin.

@@ -13,6 +13,8 @@ from sheetsplat.errors import complain, unusable
 
 #: A lower and an upper corner.
 Periodic = tuple[Vector, Vector] | None
+# Of a side.
+_COARSEST = 1e-3
 Floats = NDArray[np.float64]
 
 
@@ -54,6 +56,12 @@ class Wrapping:
             return points
         lower, sides = np.asarray(self.box[0]), self.sides
         inside = (points >= lower) & (points < self.box[1])
+        # As in EllipsoidField: what the digits of a position leave open.
+        lost = (np.spacing(np.abs(points)) > _COARSEST * sides) & (sides > 0) & ~inside
+        if lost.any():
+            point = points[lost.any(axis=1)][0].tolist()
+            found = f"a position of {shown(point)}, of which float64 does not say where in the box it lies"
+            raise complain(unusable("periodic"), found, "positions and a box in one unit", "check the units of both")
         share = (points - lower) / np.where(sides > 0, sides, 1.0)
         moved = lower + (share - np.floor(share)) * sides
         moved = np.where(moved < self.box[1], moved, lower)

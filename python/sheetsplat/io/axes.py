@@ -87,14 +87,17 @@ def placed(where: Where, volume: Volume) -> Volume:
     volume = _in_one_unit(volume)
     if volume.axes is None:
         return volume
+    if not np.all(np.isfinite(volume.origin)):
+        raise unreadable(where, f"the first sample at {shown(list(volume.origin))}", "three finite numbers")
     steps, counts = np.asarray(volume.axes, dtype=np.float64), np.asarray(volume.values.shape[::-1])
-    lengths = np.linalg.norm(steps, axis=1) if steps.shape == (3, 3) else np.zeros(3)
-    wanted = "three directions that are finite and do not lie in one plane"
-    if not (np.all(np.isfinite(lengths)) and np.all(lengths > 0) and np.all(np.isfinite(volume.origin))):
-        raise unreadable(where, f"the directions of axes {shown(steps.tolist())}", wanted)
-    units = steps / lengths[:, None]
+    # (Without squares, which leave the range of numbers.)
+    lengths = np.hypot.reduce(steps, axis=1) if steps.shape == (3, 3) else np.zeros(3)
+    usable = bool(np.all(np.isfinite(lengths)) and np.all(lengths > 0))
+    units = steps / lengths[:, None] if usable else np.zeros((3, 3))
     if not abs(np.linalg.det(units)) > _FLAT_CELL:
-        raise unreadable(where, f"the directions of axes {shown(steps.tolist())}", wanted)
+        wanted = "three directions that are finite and do not lie in one plane"
+        advice = "correct the header, or pass the samples as an array with " + option_ref("axes", "...")
+        raise unreadable(where, f"the directions of axes {shown(steps.tolist())}", wanted, advice)
     order, signs = _nearest(units)
     plain = signs * lengths[:, None]
     if (np.abs(steps - plain).T @ (counts - 1)).max() > _TURNED * lengths.min():

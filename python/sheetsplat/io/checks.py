@@ -67,7 +67,9 @@ def floats(path: Where, what: str, told: Any, count: int) -> list[float]:
     except (TypeError, ValueError):
         numbers = []
     if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        raise unreadable(path, f"{what} = {shown(told)}", f"{count} finite numbers")
+        found = np.asarray(told).tolist() if isinstance(told, list) else told
+        wanted = "a finite number" if count == 1 else f"{count} finite numbers"
+        raise unreadable(path, f"{what} = {shown(found)}", wanted)
     return numbers
 
 

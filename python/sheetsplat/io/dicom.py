@@ -27,6 +27,8 @@ _DEFLATED = "1.2.840.10008.1.2.1.99"
 # Largest difference of a distance from the mean one, in distances, and of directions.
 _UNEVEN = 0.02
 _TURNED = 1e-3
+# Largest difference of products of directions from those of unit vectors at right angles.
+_ASKEW = 0.01
 # Slices that are closer than this share of the largest distance lie at one place.
 _SAME = 0.01
 # Largest distance of a slice from its place in the plane, in pixels.
@@ -158,6 +160,10 @@ def _slice_of(file: Path, header: Any, frame: int) -> _Slice | None:
         return None
     # The first three numbers are the direction of a row, along which columns count.
     turned = np.array(floats(file, "ImageOrientationPatient", facing, 6))
+    sides = turned.reshape(2, 3)
+    if np.abs(sides @ sides.T - np.eye(2)).max() > _ASKEW:
+        wanted = "the directions of rows and columns, of length 1 and at right angles"
+        raise unreadable(file, f"ImageOrientationPatient {turned.tolist()}", wanted)
     pixel = floats(file, "PixelSpacing", _item(header, frame, "PixelMeasuresSequence").get("PixelSpacing"), 2)
     if min(pixel) <= 0:
         raise unreadable(file, f"PixelSpacing {pixel}", "two numbers above 0")

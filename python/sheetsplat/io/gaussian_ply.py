@@ -17,7 +17,7 @@ import warnings
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,8 @@ _LEAST_WEIGHT = 1e-4
 _SHARING = 256
 _PACKED = ("packed_position", "packed_rotation", "packed_scale", "packed_color")
 _RANGES = tuple(f"{end}_{of}{axis}" for of in ("", "scale_") for end in ("min", "max") for axis in "xyz")
+# Most rows before the vertices that are passed over one by one: lines, and rows with lists.
+_MOST_PASSED = 10_000_000
 # Characters of a line that is passed over which are read at once.
 _PIECE = 1 << 16
 # Most characters of a number and its separator.
@@ -96,6 +98,9 @@ def _check(path: Path, element: Element) -> None:
 
 def _skip(source: Source, payload: Payload | None, order: str, element: Element) -> None:
     """Go on to the next element; binary lists say in each row how long they are."""
+    if (payload is None or element.has_lists) and element.count > _MOST_PASSED:
+        found, wanted = f"{element.count} rows of {element.name} before the vertices", f"at most {_MOST_PASSED}"
+        raise unreadable(source.path, found, wanted, "write the vertices first")
     if payload is None:
         for _ in range(element.count):
             # Lists may be of any length.
@@ -106,14 +111,18 @@ def _skip(source: Source, payload: Payload | None, order: str, element: Element)
     elif not element.has_lists:
         payload.skip(element.count * element.least_bytes)
     else:
+        counts = [np.dtype(one.counts) if one.counts else None for one in element.properties]
+        widths = [np.dtype(one.kind).itemsize for one in element.properties]
+        big: Literal["big", "little"] = "big" if order == ">" else "little"
         for _ in range(element.count):
-            for one in element.properties:
+            for kind, width in zip(counts, widths, strict=True):
                 count = 1
-                if one.counts:
-                    count = int(payload.array(np.dtype(one.counts).newbyteorder(order), 1)[0])  # type: ignore[arg-type]
+                if kind is not None:
+                    count = int.from_bytes(payload.read(kind.itemsize), big, signed=kind.kind == "i")
                     if count < 0:
                         raise unreadable(source.path, f"a list of {count} entries in {element.name}", "0 or more")
-                payload.skip(count * np.dtype(one.kind).itemsize)
+                if count:
+                    payload.skip(count * width)
 
 
 def _text(source: Source, dtype: np.dtype[Any], element: Element) -> NDArray[Any]:

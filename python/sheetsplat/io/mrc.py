@@ -87,7 +87,7 @@ def _cell(path: Path, header: Any, lengths: Floats) -> Floats:
     (cos_a, cos_b, cos_c), sin_c = cosines, math.sqrt(max(0.0, 1.0 - cosines[2] ** 2))
     y = (cos_a - cos_b * cos_c) / sin_c if sin_c > 0 else math.inf
     height = 1.0 - cos_b**2 - y**2
-    if not (np.all(angles > 0) and height > 0):
+    if not (np.all((angles > 0) & (angles < 180)) and height > 0):
         raise unreadable(
             path, f"angles {shown(angles.tolist())} of a cell", "three angles that close a cell, in degrees"
         )

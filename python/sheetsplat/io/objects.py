@@ -56,11 +56,11 @@ def read_object(data: object, kind: ObjectKind, options: Mapping[str, Any]) -> V
 def field_of_object(data: object, kind: ObjectKind, options: Mapping[str, Any]) -> RegularField | EllipsoidField:
     """Return the field of an object; `options` are those of `sheetsplat.open` that the caller gave."""
 
-    def read(chosen: Mapping[str, Any]) -> RegularField | EllipsoidField:
+    def read(chosen: Mapping[str, Any]) -> tuple[Volume | Scattered, RegularField | EllipsoidField]:
         record = read_object(data, kind, chosen)
         refused_for(kind.name, record, chosen)
         if isinstance(record, Scattered):
             record = record.usable(kind.name, chosen.get("nan", "error"))
-        return field_of_record(record, chosen, kind.name)
+        return record, field_of_record(record, chosen, kind.name)
 
     return weighted(read, options)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pkgutil
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -11,12 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import DTypeLike
+from numpy.typing import DTypeLike, NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import is_off, shown
-from sheetsplat.errors import complain, option_refs
-from sheetsplat.fields import EllipsoidField, NanPolicy, RegularField
+from sheetsplat.errors import Error, about_option, complain, option_refs
+from sheetsplat.fields import EllipsoidField, Field, NanPolicy, RegularField
 from sheetsplat.io.axes import placement, settled, tell_units
 from sheetsplat.io.checks import Where, printable, unreadable
 from sheetsplat.io.formats import FORMATS, SCATTERED, Format, find_format, format_of
@@ -249,6 +250,14 @@ def open_scattered(path: str | os.PathLike[str], options: Mapping[str, Any]) -> 
     return data, _of_scattered(data, options)
 
 
+def rows_of(path: str | os.PathLike[str], options: Mapping[str, Any]) -> NDArray[np.int64] | None:
+    """Return which rows of a file of scattered data its field has; None: all. `options` as for `open_field`."""
+    with warnings.catch_warnings():
+        # What is left out is told when the field is opened.
+        warnings.simplefilter("ignore")
+        return read_scattered(path, **{name: options[name] for name in _POINTS if name in options}).rows
+
+
 def _of_scattered(data: Scattered, options: Mapping[str, Any]) -> EllipsoidField:
     chosen = {name: options[name] for name in _ELLIPSOIDS if name in options}
     log = options.get("log", False)
@@ -288,18 +297,39 @@ def open_field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> Regu
 
 
 def weighted(
-    read: Callable[[Mapping[str, Any]], RegularField | EllipsoidField], options: Mapping[str, Any]
+    read: Callable[[Mapping[str, Any]], tuple[Volume | Scattered, RegularField | EllipsoidField]],
+    options: Mapping[str, Any],
 ) -> RegularField | EllipsoidField:
     """Return the field that `read` makes by options, with weights where they name an array of the same data."""
     rest = {name: one for name, one in options.items() if name != "weight"}
-    field = read(rest)
+    record, field = read(rest)
     if "weight" not in options:
         return field
     of_weight = {name: one for name, one in rest.items() if name not in ("name", "scalar", "log", "base")}
-    return field.weighted_by(read({**of_weight, "scalar": options["weight"]}))
+    try:
+        record_of_weight, weight = read({**of_weight, "scalar": options["weight"]})
+    except Error as error:
+        raise about_option(error, "scalar", "weight") from error
+    mine, its = _rows(record, field), _rows(record_of_weight, weight)
+    if np.array_equal(mine, its) or (mine.size, its.size) != (field.size, weight.size):
+        return field.weighted_by(weight)
+    # Rows without a weight, which were left out, add nothing to a mean.
+    known = np.zeros(1 + max(mine.max(initial=-1), its.max(initial=-1)))
+    known[its] = weight.values
+    return field.weighted_by(known[mine])
 
 
-def _field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> RegularField | EllipsoidField:
+def _rows(record: Volume | Scattered, field: Field) -> NDArray[np.int64]:
+    """Return which rows of scattered data a field has; of volumes none."""
+    if not isinstance(record, Scattered):
+        return np.empty(0, np.int64)
+    return np.arange(field.size) if record.rows is None else record.rows
+
+
+def _field(
+    path: str | os.PathLike[str], options: Mapping[str, Any]
+) -> tuple[Volume | Scattered, RegularField | EllipsoidField]:
     if kind_of(path, options).scattered:
-        return open_scattered(path, options)[1]
-    return _of_volume(read_regular(path, options), options)
+        return open_scattered(path, options)
+    volume = read_regular(path, options)
+    return volume, _of_volume(volume, options)

@@ -24,6 +24,7 @@ _SIZES = ("supports", "deviations", "scales")
 # products of 16 bits fit 32.
 _FINE = 2.0**16
 _WHOLE = 2.0**14
+_LEAST_STEP = 2.0**-100
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,8 @@ class Packing:
         if stored.kind != "f" and short and not self.missing and whole and abs(self.scale) <= _WHOLE:
             return np.dtype(np.int32 if abs(self.offset) < 2**30 else np.float64)
         fine = stored.kind == "f" or not scaled or abs(self.offset) <= _FINE * abs(self.scale)
+        # Steps, and products of 16 bits with them, within float32.
+        fine &= _LEAST_STEP <= abs(self.scale) <= 1.0 / _LEAST_STEP
         return np.dtype(np.float32 if fine and (short or stored == np.float32) else np.float64)
 
     def unpacked(self, values: NDArray[Any], where: object) -> NDArray[Any]:
@@ -85,8 +88,10 @@ class Packing:
             lost = same if lost is None else lost | same
         found: NDArray[Any] = values.astype(kind)
         if (self.scale, self.offset) != (1.0, 0.0):
-            np.multiply(found, kind.type(self.scale), out=found)
-            np.add(found, kind.type(self.offset), out=found)
+            # Infinite samples are refused where they are used.
+            with np.errstate(over="ignore", invalid="ignore"):
+                np.multiply(found, kind.type(self.scale), out=found)
+                np.add(found, kind.type(self.offset), out=found)
         if lost is not None:
             found[lost] = np.nan
         return found
@@ -180,6 +185,8 @@ class Scattered:
         Why values may be NaN, for messages.
     periodic
         The box in which they wrap, as for `EllipsoidField`; None: they do not.
+    rows
+        Which rows of the data these are, (N,); None: all.
     """
 
     points: Floats
@@ -207,6 +214,7 @@ class Scattered:
     length_unit: str = ""
     why: str = ""
     periodic: Bounds | None = None
+    rows: NDArray[np.int64] | None = None
 
     def usable(self, where: object, nan: str = "error") -> Scattered:
         """Return the rows whose numbers are finite, and the cells of them; see `usable_rows`, which raises."""
@@ -224,7 +232,7 @@ class Scattered:
             number = np.cumsum(kept) - 1
             blocks = [number[block[kept[block].all(axis=1)]] for block in self.cells]
             fewer["cells"] = tuple(block for block in blocks if len(block)) or None
-        return replace(self, **fewer)
+        return replace(self, rows=np.flatnonzero(kept), **fewer)
 
     @property
     def has_kernels(self) -> bool:

@@ -326,6 +326,14 @@ class Payload:
         if self._bound is not None:
             self._bound = max(0, self._bound - count)
 
+    def read(self, count: int) -> bytes:
+        """Return the next few bytes. InvalidInput where the file has fewer."""
+        found = self._read(count)
+        if len(found) < count:
+            raise self._short(count, len(found), "samples")
+        self._bound = None if self._bound is None else max(0, self._bound - count)
+        return found
+
     def _read(self, count: int) -> bytes:
         """Return at most so many bytes, with the one that was read ahead."""
         ahead, self._ahead = self._ahead[:count], self._ahead[count:]

@@ -7,7 +7,7 @@ second of processor time. Blocks of samples become one sample, their mean; the p
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
@@ -54,11 +54,18 @@ def _coarse(field: Field) -> Field | None:
     return RegularField(
         means,
         origin=field.origin + shift * field.steps.sum(axis=0),
-        **({"axes": width * field.steps} if field.axes else {"spacing": [width * step for step in field.spacing]}),
+        **_wider(field, (width, width, width)),
         nan="skip",
         boundary=cast(Boundary, field.boundary),
         base=field.base,
     )
+
+
+def _wider(field: RegularField, widths: Sequence[int]) -> dict[str, Any]:
+    """Return where samples lie of which each stands for so many of a field along i, j, k."""
+    if field.axes is not None:
+        return {"axes": np.asarray(widths)[:, None] * field.steps}
+    return {"spacing": [width * step for width, step in zip(widths, field.spacing, strict=True)]}
 
 
 def _grid_of(field: BrickedField) -> RegularField | None:
@@ -67,11 +74,9 @@ def _grid_of(field: BrickedField) -> RegularField | None:
     if field.lattice == "bcc" and (len(set(steps)) > 1 or not steps[0] % 2):
         # Samples that are no such lattice.
         return None
-    spacing = [step * width for step, width in zip(reversed(steps), field.spacing, strict=True)]
-    values = field.samples.on_grid(steps)
     return RegularField(
-        values,
-        spacing=spacing,
+        field.samples.on_grid(steps),
+        **_wider(field, steps[::-1]),
         origin=field.origin,
         lattice=cast(Lattice, field.lattice),
         nan="skip",

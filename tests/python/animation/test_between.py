@@ -84,6 +84,52 @@ def test_a_periodic_box():
     assert np.allclose(one.towards(other, 0.75).centers, [(0.25, 5, 5)])
 
 
+def test_numbers_beyond_those_of_float64_are_told_apart():
+    one, other = snapshot(0.0), snapshot(1.0)
+    large = ss.Snapshot(one.field, np.arange(COUNT, dtype=np.uint64) + np.uint64(2**63), one.velocities, 0.0)
+    with pytest.raises(ss.InvalidInput, match="no particle in both"):
+        large.towards(other, 0.5)
+    # The same bits with a sign and without one.
+    signed = ss.Snapshot(other.field, large.ids.astype(np.int64), other.velocities, 1.0)
+    assert np.allclose(large.towards(signed, 0.3).centers, one.towards(other, 0.3).centers)
+
+
+def test_weights_of_means_stay_with_their_particles():
+    first, last = (
+        ss.Snapshot(one.field.weighted_by(np.arange(COUNT) + 1.0), one.ids, one.velocities, one.time)
+        for one in (snapshot(0.0), snapshot(1.0))
+    )
+    assert np.allclose(first.towards(last, 0.5).weighting, np.arange(COUNT) + 1.0)
+    with pytest.raises(ss.InvalidInput, match="weights of means in one alone"):
+        first.towards(snapshot(1.0), 0.5)
+
+
+def test_values_far_apart_have_values_between():
+    field = ss.EllipsoidField([(0, 0, 0)], 1.0, values=[1e-300])
+    ends = [ss.Snapshot(field, [1], [(0, 0, 0)], 0.0),
+            ss.Snapshot(ss.EllipsoidField([(0, 0, 0)], 1.0, values=[1e300]), [1], [(0, 0, 0)], 1.0)]  # fmt: skip
+    assert ends[0].towards(ends[1], 0.5).values[0] == pytest.approx(1.0)
+    assert [ends[0].towards(ends[1], share).values[0] for share in (0.0, 1.0)] == [1e-300, 1e300]
+
+
+def test_particles_that_are_left_out_of_one_file_fade(tmp_path):
+    paths = [tmp_path / f"{n}.hdf5" for n in range(2)]
+    for n, path in enumerate(paths):
+        write(path, float(n), *orbits(float(n), np.random.default_rng(5)), np.arange(COUNT))
+    with h5py.File(paths[1], "r+") as file:
+        file["PartType0/Coordinates"][0] = np.nan
+        file["PartType0/Velocities"][1] = np.nan
+        velocities = file["PartType0/Velocities"][...]
+    with pytest.raises(ss.InvalidInput, match=r'velocity of particle 1; .* nan="skip"'):
+        ss.Snapshot(ss.open(paths[0]), np.arange(COUNT), velocities, 1.0)
+    with pytest.warns(ss.PictureWarning, match="1 of 150 rows"):
+        last = ss.Snapshot.read(paths[1], nan="skip")
+    assert last.ids.tolist() == list(range(9, COUNT + 7))
+    between = ss.Snapshot.read(paths[0]).towards(last, 0.25)
+    weights = np.sort(between.weights)
+    assert between.size == COUNT and np.allclose(weights[:3] / weights[2], (0.75, 0.75, 1.0), rtol=1e-4)
+
+
 def write(path, time, places, velocities, order, header=None, cosmology=None):
     with h5py.File(path, "w") as file:
         file.create_group("Header").attrs.update({"Time": time, **(header or {})})

@@ -74,6 +74,44 @@ def test_kernels_have_the_mean_of_their_line_integrals(rng):
     assert np.isnan(image.scalar[sums[1] == 0]).all() and (sums[1] == 0).any()
 
 
+def test_weights_lie_where_the_values_do():
+    turned = np.linalg.qr(np.array(((0.8, -0.3, 0.4), (0.2, 0.9, -0.3), (-0.5, 0.3, 0.7))))[0]
+    field = ss.RegularField(T, origin=(5e6, 0, 0))
+    # Of the same spacing, turned, and two samples beside it.
+    for place in ({"axes": turned, "origin": (5e6, 0, 0)}, {"origin": (5e6 + 2, 0, 0)}):
+        with pytest.raises(ss.InvalidInput, match="lies as"):
+            field.weighted_by(ss.RegularField(RHO, **place))
+    assert field.weighted_by(ss.RegularField(RHO, axes=np.eye(3), origin=(5e6, 0, 1e-9))).weighting is not None
+
+
+def test_names_of_weights_that_are_none_are_told_as_weights(tmp_path, rng):
+    snapshot(tmp_path / "a.hdf5", rng)
+    with pytest.raises(ss.InvalidInput, match=r"pass weight=\.\.\.") as caught:
+        ss.open(tmp_path / "a.hdf5", scalar="Temperature", weight="Nope")
+    assert "scalar=" not in str(caught.value)
+
+
+def test_weights_go_with_the_values_that_they_are_of():
+    field = ss.RegularField(T).weighted_by(RHO)
+    assert field.replace(T + 1.0).weighting is not None and field.replace(T[:5]).weighting is None
+    kernels = ss.EllipsoidField(np.eye(3), 1.0, values=[1, 2, 3]).weighted_by([3.0, 0.0, 5.0])
+    assert kernels.part(np.array([2, 0])).weighting.tolist() == [5.0, 3.0]
+    assert kernels.with_rows(np.eye(2, 3), np.ones(2), None, np.ones(2), None).weighting is None
+
+
+def test_rows_without_a_weight_add_nothing(tmp_path, rng):
+    energy = rng.uniform(1, 2, 300)
+    look = {"mode": "average", "size": 24, "backend": "cpu", "weight": "InternalEnergy", "scalar": "Temperature"}
+    energy[:20] = 0.0
+    snapshot(tmp_path / "b.hdf5", np.random.default_rng(7), InternalEnergy=energy)
+    energy[:20] = np.nan
+    snapshot(tmp_path / "c.hdf5", np.random.default_rng(7), InternalEnergy=energy)
+    wanted = ss.render(tmp_path / "b.hdf5", **look)
+    with pytest.warns(ss.PictureWarning, match="20 of 300 rows"):
+        found = ss.render(tmp_path / "c.hdf5", nan="skip", **look)
+    assert np.array_equal(found.scalar, wanted.scalar, equal_nan=True)
+
+
 def snapshot(path, rng, count=300, **more):
     """Write a snapshot of gas whose density falls outwards and whose temperature rises."""
     places = rng.normal(size=(count, 3))

@@ -60,6 +60,17 @@ def test_sums_are_those_of_all_images(soup):
     assert np.allclose(field.evaluate(faces)[1], field.evaluate(other)[1], atol=1e-12)
 
 
+def test_positions_of_another_unit_are_refused():
+    # Positions in cm and a box in Mpc: float64 does not say where in the box they lie.
+    with pytest.raises(ss.InvalidInput, match=r"float64 does not say .* units"):
+        ss.EllipsoidField([(3e24, 1, 1)], 1.0, values=[1], periodic=BOX)
+    with pytest.raises(ss.InvalidInput, match=r"float64 does not say .* units"):
+        ss.fit.delaunay(np.full((9, 3), 3e24), np.ones(9), periodic=BOX)
+    assert np.allclose(ss.EllipsoidField([(8e9 + 3, 1, 1)], 1.0, values=[1], periodic=BOX).centers, (3, 1, 1))
+    with pytest.raises(ss.InvalidInput, match=r"pass periodic=\.\.\. with a larger box"):
+        ss.EllipsoidField([(1, 1, 1)], 1e3, values=[1], periodic=BOX)
+
+
 def test_images_are_no_kernels_of_the_data(soup):
     field, alone = field_of(soup), field_of(soup, periodic=None)
     assert (field.size, alone.images) == (25, 0) and field.images > 25

@@ -1,6 +1,7 @@
 """Variants of PLY: packed Gaussians, volume encoding Gaussians, points, and elements in any order."""
 
 import math
+import time
 
 import numpy as np
 import pytest
@@ -151,6 +152,23 @@ def test_lists_before_the_vertices_are_passed_over(tmp_path):
     header, data, _ = ply_bytes(before="element face 2\nproperty list uchar int a\n")
     with pytest.raises(ss.InvalidInput, match="cut off"):
         read_scattered(stored(tmp_path / "c.ply", header + b"\xff" + data[:100]))
+
+
+@pytest.mark.parametrize("order", ["binary_big_endian", "ascii"])
+def test_many_rows_before_the_vertices(tmp_path, order):
+    """Of a file of kilobytes: each row takes a microsecond, and there is a largest number of them."""
+
+    def path_of(count, rows):
+        head = f"ply\nformat {order} 1.0\nelement edge {count}\nproperty list ushort int ends\nelement vertex 1\n"
+        head += "".join(f"property float {name}\n" for name in ("x", "y", "z", "value")) + "end_header\n"
+        body = b"\n" * rows + b"0 0 0 2\n" if order == "ascii" else bytes(2 * rows) + np.float32(2).tobytes() * 4
+        return stored(tmp_path / f"{count}.ply", head.encode() + body, gz=True)
+
+    started = time.perf_counter()
+    assert read_scattered(path_of(200_000, 200_000)).points.shape == (1, 3)
+    assert time.perf_counter() - started < 3.0
+    with pytest.raises(ss.InvalidInput, match="write the vertices first"):
+        read_scattered(path_of(10**9, 10))
 
 
 def test_points_without_sizes(tmp_path):

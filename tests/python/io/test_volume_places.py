@@ -10,6 +10,7 @@ from test_data_formats import VALUES, dicom, mrc, needed, nifti
 import sheetsplat as ss
 from sheetsplat import io
 from sheetsplat.api import to_fields
+from sheetsplat.io.axes import placed
 
 # The same object for all: an ellipsoid of a Gaussian, in mm to the left, the back and the head of a patient.
 MIDDLE = np.array([11.0, -7.0, 23.0])
@@ -252,7 +253,7 @@ def test_cells_of_mrc_have_angles(tmp_path):
     units = rows / np.linalg.norm(rows, axis=1)[:, None]
     cosines = [units[1] @ units[2], units[0] @ units[2], units[0] @ units[1]]
     np.testing.assert_allclose(np.degrees(np.arccos(cosines)), (80, 95, 110), atol=1e-4)
-    for number, angles in enumerate(((90, 90, 180), (10, 10, 90), (-90, 90, 90))):
+    for number, angles in enumerate(((90, 90, 180), (10, 10, 90), (-90, 90, 90), (270, 90, 90))):
         with pytest.raises(ss.InvalidInput, match="angles .* of a cell"):
             ss.open(mrc(tmp_path / f"{number}.mrc", VALUES, cellb=angles))
 
@@ -269,6 +270,27 @@ def test_slices_beside_their_line_are_refused(tmp_path):
 
     with pytest.raises(ss.InvalidInput, match="mm beside the line of the others"):
         ss.open(dicom(tmp_path / "a", change=beside))
+
+
+@pytest.mark.parametrize("sides", [(2, 0, 0, 0, 2, 0), (1, 0, 0, 0.7, 0.7, 0), (0,) * 6])
+def test_rows_and_columns_of_slices_are_at_right_angles(tmp_path, sides):
+    def change(data, z):
+        data.ImageOrientationPatient = list(sides)
+
+    with pytest.raises(ss.InvalidInput, match="of length 1 and at right angles"):
+        ss.open(dicom(tmp_path / "series", change=change))
+
+
+def test_places_that_are_none_are_told():
+    for origin, axes, told in (
+        ((np.nan, 0, 0), np.eye(3), "the first sample at"),
+        ((0, 0, 0), np.ones((3, 3)), "in one plane; correct the header"),
+    ):
+        with pytest.raises(ss.InvalidInput, match=told):
+            placed("a file", io.Volume(VALUES, origin=origin, axes=axes))
+    # Lengths whose squares are no numbers.
+    for size in (1e-200, 1e200):
+        assert placed("a file", io.Volume(VALUES, axes=size * np.eye(3))).spacing == (size,) * 3
 
 
 def test_centres_of_rotation_are_told(tmp_path):

@@ -87,6 +87,14 @@ def test_packed_numbers_have_the_narrowest_type_that_holds_them():
     assert np.isnan(packing(missing=(float(np.float64(1e20)),)).unpacked(np.array([1e20], "f4"), "x"))[0]
 
 
+@pytest.mark.parametrize("scale", [1e-300, 1e-42, 1e36])
+def test_scales_beyond_float32_keep_the_samples(scale):
+    packing, stored = ss.io.Packing(scale, missing=(-1,)), np.array([-1, 1, 999], "i2")
+    found = packing.unpacked(stored, "a file")
+    assert found.dtype == packing.kind(stored.dtype) == np.float64
+    assert np.allclose(found[1:] / scale, stored[1:], rtol=1e-12)
+
+
 def test_packing_that_is_wrong(tmp_path):
     for name, told in (("scale_factor", 0), ("scale_factor", "x"), ("add_offset", "1e999"), ("_FillValue", {})):
         path = zarr_array(tmp_path / f"{name}{told}.zarr")

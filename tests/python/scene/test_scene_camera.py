@@ -361,3 +361,9 @@ def test_zoom_enlarges(field):
         compose_camera(field, (40, 40), azimuth=math.inf)
     with pytest.raises(ss.InvalidInput, match="Camera"):
         compose_camera(field, (40, 40), direction="-z", up=(0, 0, 1))
+
+
+def test_a_field_without_kernels_cannot_be_looked_at():
+    empty = ss.RegularField(np.full((2, 2, 2), np.nan), nan="skip")
+    with pytest.raises(ss.InvalidInput, match="nothing to look at: found no kernels in RegularField"):
+        ss.Camera.fit(empty)

@@ -118,6 +118,14 @@ def test_coarse_copies_are_means_where_the_data_are():
     assert coarse.coarse_fields([ss.RegularField(volume())]) is None
 
 
+def test_coarse_copies_of_bricks_have_their_axes():
+    axes = np.array(((0.6, 0.0, 0.0), (-0.25, 0.7, 0.0), (0.2, -0.3, 0.9)))
+    bricked = ss.open_bricks(np.arange(60**3, dtype=np.float32).reshape(60, 60, 60), axes=axes, origin=(1, 2, 3))
+    (found,) = coarse.coarse_fields([bricked])
+    steps = np.diag([one // two for one, two in zip(bricked.shape[::-1], found.shape[::-1], strict=True)])
+    assert np.allclose(found.axes, steps @ axes) and found.origin == bricked.origin
+
+
 def test_what_is_shown_must_be_said_once(tmp_path):
     for given in ((None, {}, None, None), (volume(), {}, [volume()], None), (None, {}, [], None)):
         with pytest.raises(ss.InvalidInput):

@@ -26,8 +26,8 @@ _PER_SEMI_AXIS = 2.0
 _FINER = 2.0
 _MOST = 1_000_000
 # How many times the estimate for scattered kernels a picture may be off: errors fall with the distance and not with its
-# square where kernels are thinner than it (1.7 to 1.9 measured).
-_OF_KERNELS = 1.9
+# square where kernels are thinner than it (1.1 to 1.9 measured).
+_OF_KERNELS = 1.7
 
 
 def error_of_light(scene: Scene, asked: Asked, camera: Camera, size: Size) -> float | None:

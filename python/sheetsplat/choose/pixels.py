@@ -70,7 +70,7 @@ def supersampling(scene: Scene, asked: Asked, camera: Camera, size: Size, lit: D
     ends = min(samples_for_ends(scene, camera, size, cuts=True), most)
     count, reason = (
         _samples_for_means(scene, asked, camera, size, ends, most),
-        "values jump where a volume ends, or a box cuts",
+        "a volume that ends, or a box that cuts, is few pixels wide",
     )
     if count > ends:
         reason = "what sums along rays add up is finer than a pixel"

@@ -89,7 +89,7 @@ def warn_of_lost(scene: Scene, camera: Camera, size: tuple[int, int]) -> None:
         warn(f"the picture shows {share}: many are smaller than a few pixels or slices; " + advice)
     elif (count := samples_for_ends(scene, camera, size)) > _FEW * scene.supersampling:
         warn(
-            "volumes end where values are not 0, and are few samples wide: the picture may not have their mass; "
+            "volumes that end are few samples wide: the picture may not have their mass; "
             + option_ref("supersampling", str(min(count, MOST_SAMPLES)))
             + " comes nearer"
         )

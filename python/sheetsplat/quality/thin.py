@@ -45,6 +45,9 @@ _COARSE = 0.1
 _ENOUGH_ACROSS = 200.0
 _MOST_JUMP = 2.0
 _JUMP = 1e-2
+# Samples across a volume whose values at the faces are 0: the filter spreads each by some. Parts of a pixel across
+# below which more samples do not find it, and the least sine of the angle between a face and a slice.
+_LEAST_ACROSS, _NARROWEST, _LEAST_TILT = 8.0, 0.25, 1e-9
 # A view is along an axis of the world whose part in its direction is above this; a volume has so many slices at least.
 _ALONG = 1.0 - 1e-6
 _FEWEST_SLICES = 4
@@ -234,7 +237,7 @@ def samples_for_ends(scene: Scene, camera: Camera, size: tuple[int, int], *, cut
     `cuts`: and where the box of a clip cuts them.
 
     A volume of n pixels has the mass of n + 1/2 of them or of n - 1/2, along each axis, by where its faces lie between
-    pixels. 1: one sample is enough.
+    pixels. And what the filter spreads beyond the end is cut off, whatever the values there. 1: one sample is enough.
     """
     if not TRAITS[scene.mode].integrates:
         return 1
@@ -245,7 +248,13 @@ def samples_for_ends(scene: Scene, camera: Camera, size: tuple[int, int], *, cut
         if camera.kind == "perspective":
             seen /= np.maximum(depths_of(corners, camera), camera.near)[:, None]
         pixels = np.ptp(seen, axis=0).min() / _pixel(camera, size)
-        count = max(count, math.ceil(end.across / max(float(pixels), 1.0)))
+        # Of each pair of faces the distance within a slice.
+        tilts = np.linalg.norm(end.normals @ camera_axes(camera)[:2].T, axis=1)
+        narrow = (end.lengths / np.maximum(tilts, _LEAST_TILT)).min()
+        narrow /= _widest_pixel(camera, size, (corners.min(axis=0), corners.max(axis=0)))
+        count = max(
+            count, math.ceil(end.across / max(float(pixels), 1.0)), math.ceil(_LEAST_ACROSS / max(narrow, _NARROWEST))
+        )
     return count
 
 
@@ -279,8 +288,8 @@ def _ends(scene: Scene, *, cuts: bool = True) -> Iterator[_End]:
     """Yield where what is shown ends: at the ends of fields, and at a clip."""
     for one in scene.fields:
         box = one.domain if one.size else None
-        jump = 0.0 if box is None else _jump(one)
-        if box is None or jump == 0.0:
+        jump = None if box is None else _jump(one)
+        if box is None or jump is None:
             continue
         needs = _ENOUGH_ACROSS * min(jump, _MOST_JUMP), _FEWEST_SLICES if jump > _JUMP else 0
         if isinstance(one, RegularField) and one.axes is not None:
@@ -318,8 +327,11 @@ def slices_for_ends(scene: Scene, camera: Camera) -> float | None:
     return None if math.isclose(wanted, scene.slice_spacing, rel_tol=1e-9) else wanted
 
 
-def _jump(field: Field) -> float:
-    """Return by how much values jump where a field ends, over their mean: magnitudes, at samples that may be some."""
+def _jump(field: Field) -> float | None:
+    """Return by how much values jump where a field ends, over their mean: magnitudes, at samples that may be some.
+
+    None where all are 0.
+    """
     if not isinstance(field, RegularField):
         # In a periodic box they are at the faces what they are elsewhere.
         return 1.0
@@ -327,7 +339,7 @@ def _jump(field: Field) -> float:
     values = coarse if isinstance(field, BrickedField) else field.values
     mean = float(np.nanmean(coarse)) if np.isfinite(coarse).any() else 0.0
     faces = [float(np.nanmean(np.abs(values[face]))) for face in _FACES if np.isfinite(values[face]).any()]
-    return max(faces, default=0.0) / mean if mean > 0.0 else 0.0
+    return max(faces, default=0.0) / mean if mean > 0.0 else None
 
 
 def lost_mass(scene: Scene, camera: Camera, size: tuple[int, int]) -> float:

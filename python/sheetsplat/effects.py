@@ -20,6 +20,8 @@ from sheetsplat.errors import complain, unusable
 _MOST_PLANES = 64
 # Faces of a sphere, and directions by which their volume is found.
 _FACES, _PROBES = 256, 20_000
+#: The farthest that its faces and corners lie beside a sphere, over its radius.
+FACETS_ASIDE = 0.0103
 
 
 def _plane(plane: object, wanted: str) -> tuple[Triple, float]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from sheetsplat._checks import truth
 from sheetsplat.choose.slices import spacing_of_data
-from sheetsplat.effects import AmbientOcclusion
+from sheetsplat.effects import FACETS_ASIDE, AmbientOcclusion
 from sheetsplat.errors import complain, option_ref, option_refs
 from sheetsplat.fields import EllipsoidField, Field, RegularField, joined_bounds
 from sheetsplat.light import Light, Material
@@ -19,6 +19,7 @@ from sheetsplat.look import automatic
 from sheetsplat.look.histogram import Look
 from sheetsplat.look.strays import COARSE, kernel_spacing
 from sheetsplat.look.surface import surface_limits
+from sheetsplat.look.visible import corners_of
 from sheetsplat.look.weighted import is_weighted, sums_of
 from sheetsplat.modes import TRAITS
 from sheetsplat.notices import warn
@@ -34,6 +35,8 @@ from sheetsplat.transfer import TransferFunction
 # are far away.
 _MOST_CENTRES = (0.5, 99.5)
 _FAR_APART = 0.25
+# Slices by which the faces of a sphere may lie beside it.
+_MOST_ASIDE = 2.0
 # Radius of ambient occlusion, of the diagonal of the data.
 _SURROUNDINGS = 0.04
 # With one of them a picture of equal samples is what was asked for.
@@ -86,6 +89,7 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
         _warn_of_strays(scene)
     if all(options.get(name) is None for name in _SAY_WHAT_IS_MEANT):
         _warn_of_one_value(scene)
+    _warn_of_facets(scene)
     if scene.options["shadows"] and mode in COLORED and not scene.lights:
         warn(option_ref("shadows", "true") + " changes nothing where there are no lights")
     return scene
@@ -106,6 +110,22 @@ def _warn_of_one_value(scene: Scene) -> None:
             "a translucent block, with limits around that value" if TRAITS[scene.mode].is_composited else "its block"
         )
         warn(f"all samples are {low:g}: there is nothing in the volume to tell apart, and the picture shows {shown}")
+
+
+def _warn_of_facets(scene: Scene) -> None:
+    """Warn of a sphere so large that its faces cut the data elsewhere than it does."""
+    sphere, boxes = scene.options["clip"].sphere, [one.bounds for one in scene.fields if one.size]
+    if sphere is None or not boxes:
+        return
+    aside = FACETS_ASIDE * sphere[1]
+    corners = corners_of(joined_bounds(boxes))
+    distances = np.linalg.norm(corners - np.asarray(sphere[0]), axis=1)
+    cuts = distances.max() > sphere[1] - aside
+    if cuts and aside > _MOST_ASIDE * scene.slice_spacing:
+        warn(
+            f"the sphere of {option_ref('clip')} is drawn with flat faces up to {aside:.3g} aside, more than "
+            f"{_MOST_ASIDE:g} slices; cut with a smaller sphere, or with a plane"
+        )
 
 
 def _warn_of_strays(scene: Scene) -> None:

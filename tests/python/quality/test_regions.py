@@ -121,3 +121,14 @@ def test_descriptions_and_commands_keep_a_sphere(rng, tmp_path):
             ss.Clip(sphere=wrong)
     with pytest.raises(ss.InvalidInput, match="shadows"):
         ss.render(field, clip=ss.Clip(sphere=BALL), shadows=True, size=16)
+
+
+def test_spheres_too_large_for_their_faces_are_told(recwarn):
+    values = np.ones((24, 24, 24), np.float32)
+    options = {"mode": "xray", "size": (24, 24), "backend": "cpu"}
+    for radius in (8.0, 1e4):
+        # All of the data lie in it, or a face cuts them where it may.
+        ss.render(values, clip=ss.Clip(sphere=((12, 12, 12), radius)), **options)
+    assert not [one for one in recwarn if "flat faces" in str(one.message)]
+    with pytest.warns(ss.PictureWarning, match="flat faces up to 103 aside"):
+        ss.render(values, clip=ss.Clip(sphere=((12, 12, 12 - 1e4), 1e4)), **options)

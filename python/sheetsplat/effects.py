@@ -20,8 +20,6 @@ from sheetsplat.errors import complain, unusable
 _MOST_PLANES = 64
 # Faces of a sphere, and directions by which their volume is found.
 _FACES, _PROBES = 256, 20_000
-#: The farthest that its faces and corners lie beside a sphere, over its radius.
-FACETS_ASIDE = 0.0103
 
 
 def _plane(plane: object, wanted: str) -> tuple[Triple, float]:
@@ -78,17 +76,21 @@ def _spread(count: int) -> NDArray[np.float64]:
 
 
 @cache
-def _face_distance() -> float:
-    """Return the distance of the faces of a polyhedron that has the volume of the unit sphere from its middle."""
+def _polyhedron() -> tuple[float, float]:
+    """Return how far the faces of a polyhedron of the unit sphere's volume are from its middle, and from the sphere.
+
+    The second is about the farthest that a point of it, in the middle of a face or at a corner, lies beside.
+    """
     faces = _spread(_FACES)
     # Of faces at the distance 1: how far it reaches in each direction.
     reach = np.concatenate([1.0 / (part @ faces.T).max(axis=1) for part in np.array_split(_spread(_PROBES), 16)])
-    return float(np.mean(reach**3) ** (-1.0 / 3.0))
+    distance = float(np.mean(reach**3) ** (-1.0 / 3.0))
+    return distance, max(1.0 - distance, float(reach.max()) * distance - 1.0)
 
 
 def _facets(center: Any, radius: float) -> list[tuple[Triple, float]]:
     """Return planes around a sphere: every backend knows half spaces."""
-    faces, distance = _spread(_FACES), radius * _face_distance()
+    faces, distance = _spread(_FACES), radius * _polyhedron()[0]
     least = (-(faces @ np.asarray(center)) - distance).tolist()
     return [((-x, -y, -z), offset) for (x, y, z), offset in zip(faces.tolist(), least, strict=True)]
 
@@ -145,6 +147,11 @@ class Clip(OfArguments):
         if self.sphere is not None:
             kept &= np.linalg.norm(places - self.sphere[0], axis=1) <= self.sphere[1]
         return kept
+
+    @property
+    def aside(self) -> float:
+        """About the farthest that the faces of what stands for the sphere lie beside it, world units; 0 without one."""
+        return 0.0 if self.sphere is None else self.sphere[1] * _polyhedron()[1]
 
     @property
     def region(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:

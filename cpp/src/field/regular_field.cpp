@@ -156,6 +156,20 @@ double along(const RegularFieldOptions& options, int axis, std::size_t steps_alo
                                            : options.origin[axis] + n * options.spacing[axis];
 }
 
+/// The box of what reaches from reach(direction)[0] to reach(direction)[1] along each axis of the world.
+template <class Reach>
+Box box_of(Reach&& reach) {
+    Box box;
+    for (int axis = 0; axis < 3; ++axis) {
+        Vec3 direction(0.0);
+        direction[axis] = 1.0;
+        const std::array<double, 2> ends = reach(direction);
+        box.lower[axis] = ends[0];
+        box.upper[axis] = ends[1];
+    }
+    return box;
+}
+
 void require_moderate(const std::array<double, 2>& range) {
     if (std::max(-range[0], range[1]) > largest_sample) {
         throw InvalidInput(Complaint{
@@ -386,13 +400,7 @@ RegularField::RegularField(SampleArray samples, std::array<std::size_t, 3> shape
     if (kernels_ == 0) {
         value_range_ = {0.0, 0.0};
     } else if (options_.axes) {
-        for (int axis = 0; axis < 3; ++axis) {
-            Vec3 direction(0.0);
-            direction[axis] = 1.0;
-            const std::array<double, 2> reach = centres_along(Vec3(0.0), direction);
-            centres_world_.lower[axis] = reach[0];
-            centres_world_.upper[axis] = reach[1];
-        }
+        centres_world_ = box_of([&](const Vec3& direction) { return centres_along(Vec3(0.0), direction); });
     }
     if (options_.value_range) {
         value_range_ = {std::min(value_range_[0], (*options_.value_range)[0]),
@@ -470,17 +478,7 @@ void RegularField::find_domain() {
 }
 
 Box RegularField::supports_world() const {
-    Box box;
-    if (kernels_ > 0) {
-        for (int axis = 0; axis < 3; ++axis) {
-            Vec3 direction(0.0);
-            direction[axis] = 1.0;
-            const std::array<double, 2> reach = reach_along(Vec3(0.0), direction);
-            box.lower[axis] = reach[0];
-            box.upper[axis] = reach[1];
-        }
-    }
-    return box;
+    return kernels_ > 0 ? box_of([&](const Vec3& direction) { return reach_along(Vec3(0.0), direction); }) : Box{};
 }
 
 double RegularField::default_slice_spacing() const {

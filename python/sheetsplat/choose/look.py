@@ -11,7 +11,7 @@ import numpy as np
 
 from sheetsplat._checks import truth
 from sheetsplat.choose.slices import spacing_of_data
-from sheetsplat.effects import FACETS_ASIDE, AmbientOcclusion
+from sheetsplat.effects import AmbientOcclusion
 from sheetsplat.errors import complain, option_ref, option_refs
 from sheetsplat.fields import EllipsoidField, Field, RegularField, joined_bounds
 from sheetsplat.light import Light, Material
@@ -117,14 +117,14 @@ def _warn_of_facets(scene: Scene) -> None:
     sphere, boxes = scene.options["clip"].sphere, [one.bounds for one in scene.fields if one.size]
     if sphere is None or not boxes:
         return
-    aside = FACETS_ASIDE * sphere[1]
+    aside = scene.options["clip"].aside
     corners = corners_of(joined_bounds(boxes))
     distances = np.linalg.norm(corners - np.asarray(sphere[0]), axis=1)
     cuts = distances.max() > sphere[1] - aside
     if cuts and aside > _MOST_ASIDE * scene.slice_spacing:
         warn(
-            f"the sphere of {option_ref('clip')} is drawn with flat faces up to {aside:.3g} aside, more than "
-            f"{_MOST_ASIDE:g} slices; cut with a smaller sphere, or with a plane"
+            f"the sphere is drawn with flat faces up to {aside:.3g} aside, more than {_MOST_ASIDE:g} slices; cut with "
+            "a smaller sphere, or with a plane: pass " + option_ref("clip", "...")
         )
 
 

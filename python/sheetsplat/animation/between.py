@@ -151,6 +151,7 @@ class Snapshot:
         if first.weighting is not None and second.weighting is not None:
             of_both = _between(first.weighting[mine], second.weighting[its], share)
             made = made.weighted_by(np.concatenate((of_both, first.weighting[gone], second.weighting[new])))
+        made = made.of_particles() if first.keeps_mass and second.keeps_mass else made
         return made.of_quantity(first.quantity).with_orientation(first.orientation)
 
     def _checked(self, other: Snapshot) -> tuple[EllipsoidField, EllipsoidField]:

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from sheetsplat import api
+from sheetsplat.choose.kernels import in_sums
 from sheetsplat.errors import complain
 from sheetsplat.fields import Field, RegularField
 from sheetsplat.look.automatic import choose
@@ -92,7 +93,7 @@ class SharedLook:
                 f"{len(self.scene.fields)}, as the others",
             )
         fields = in_decades(fields, {**self.given, "mode": self.scene.mode}, self.log)
-        fields = without_strays(fields, self.given, framed=False)
+        fields = without_strays([in_sums(one, self.scene.mode)[0] for one in fields], self.given, framed=False)
         if self.kernel is not None:
             kernel = dict(self.kernel)
             fields = [one.replace(**kernel) if isinstance(one, RegularField) else one for one in fields]

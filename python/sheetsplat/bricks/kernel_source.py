@@ -166,7 +166,7 @@ class KernelSource:
     @property
     def key(self) -> tuple[Any, ...]:
         """What `read` depends on: equal for the same kernels shown in the same way."""
-        return self.token, self.floor, self.limits
+        return self.token, self.floor, self.limits, self.template.normalization
 
     def __eq__(self, other: object) -> bool:
         """Return whether the kernels are the same, shown in the same way."""
@@ -183,6 +183,10 @@ class KernelSource:
     def replace(self, **changes: Any) -> KernelSource:
         """Return the same kernels shown in another way."""
         return replace(self, **changes)
+
+    def summed(self) -> KernelSource:
+        """Return the same kernels for plain sums."""
+        return self.replace(template=self.template.summed())
 
     @property
     def owner(self) -> object:

@@ -1,4 +1,4 @@
-"""Kernels of volumes: their radius and falloff, and whether their sums pass through the samples."""
+"""Kernels of volumes: their radius and falloff, and whether sums pass through the samples; those of particles: sums."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from typing import TypeVar, cast
 
 from sheetsplat.choose.asked import Asked
 from sheetsplat.choose.decisions import AS_GIVEN, Decision, Who, of_quality
-from sheetsplat.fields import Field, RegularField
+from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.fields.regular import PLAIN_KERNEL
+from sheetsplat.modes import TRAITS
 from sheetsplat.quality.samples import through_samples
 
 Made = TypeVar("Made", bound=Field)
@@ -25,10 +26,20 @@ def with_own_kernel(field: Made, asked: Asked) -> Made:
     return shown
 
 
-def with_kernel(field: Made, asked: Asked, *, made: bool) -> tuple[Made, tuple[Decision, ...]]:
-    """Return a field with the kernels that were asked for, and what was decided; `made`: the caller made the field."""
+def with_kernel(field: Made, asked: Asked, *, made: bool, mode: object = None) -> tuple[Made, tuple[Decision, ...]]:
+    """Return a field with the kernels that a mode shows of it, and what was decided.
+
+    Parameters
+    ----------
+    field, asked
+        The data, and what was asked for.
+    made
+        Whether the caller made the field.
+    mode
+        As it was given; None: it is not known.
+    """
     if not isinstance(field, RegularField):
-        return field, ()
+        return in_sums(field, mode)
     if made and field.settled:
         return field, (Decision("prefilter", field.prefilter, "as the field has it", "caller"),)
     wanted, shown = asked.level.kernel, cast(RegularField, field)
@@ -57,3 +68,17 @@ def with_kernel(field: Made, asked: Asked, *, made: bool) -> tuple[Made, tuple[D
         Decision("falloff", shown.falloff, why, whose),
     )
     return cast(Made, shown.as_settled()), decided
+
+
+def in_sums(field: Made, mode: object) -> tuple[Made, tuple[Decision, ...]]:
+    """Return a field whose integrals keep the mass of its particles, where nobody chose how its sums are divided.
+
+    `mode`: as for `with_kernel`; in those that do not integrate the field stays.
+    """
+    integrates = isinstance(mode, str) and mode in TRAITS and TRAITS[mode].integrates
+    summed = field.summed() if integrates and isinstance(field, EllipsoidField) else field
+    if summed is field:
+        return field, ()
+    told = summed.opened_with({**field.opened, "normalization": summed.normalization})
+    reason = "kernels are added, not averaged, so that masses are kept"
+    return told, (Decision("normalization", summed.normalization, reason, "data"),)

@@ -67,7 +67,7 @@ def choose(
     log = options.get("log")
     look = with_log_scale(fields, look, log)
     usual = without_strays(in_decades(fields, look, log), look, framed=framed)
-    with_kernels = [with_kernel(one, asked, made=made) for one in usual]
+    with_kernels = [with_kernel(one, asked, made=made, mode=look.get("mode")) for one in usual]
     kernels = tuple(decision for _, decided in with_kernels for decision in decided)
     # The camera decides on them.
     of_camera = ("filter", "depth_cue") if is_auto(look.get("depth_cue")) else ("filter",)
@@ -117,7 +117,9 @@ def fitted(scene: Scene, asked: Asked, camera: Camera, size: Size) -> Scene:
 def scene_of_quality(scene: Scene, name: str, camera: Camera, size: Size) -> Scene:
     """Return what a scene would be at a quality: kernels of volumes, slices, opacity stop and filter anew."""
     asked = Asked.of("quality", {"quality": name})
-    plain = [[with_kernel(_plain(one), asked, made=False) for one in fields] for fields in scene.groups]
+    plain = [
+        [with_kernel(_plain(one), asked, made=False, mode=scene.mode) for one in fields] for fields in scene.groups
+    ]
     groups = [[field for field, _ in fields] for fields in plain]
     changes: dict[str, Any] = {"slice_spacing": _draft_spacing(scene), "reference_length": scene.reference_length}
     changes |= {"field": groups if len(groups) > 1 else groups[0], "opacity_stop": _DEFAULT_STOP, "filter": None}

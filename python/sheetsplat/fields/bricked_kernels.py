@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any, NoReturn, Protocol
+from typing import Any, NoReturn, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +25,9 @@ class KernelSource(Protocol):
 
     def replace(self, **changes: Any) -> KernelSource:
         """Return the same kernels with their values shown in another way."""
+
+    def summed(self) -> KernelSource:
+        """Return the same kernels for plain sums."""
 
     def shown_as(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return values as they are stored in the way in which they are shown."""
@@ -158,6 +161,11 @@ class BrickedKernels(EllipsoidField):
     def logarithmic(self, floor: float | None) -> BrickedKernels:
         """Return a field of log10(value / floor), 0 for smaller values; without a floor one of the values."""
         return self._shown(floor=floor)
+
+    def summed(self) -> Self:
+        """Return the field of the plain sums where it keeps the mass; any other as it is."""
+        made = super().summed()
+        return made if made is self else made._with(source=self.source.summed())  # noqa: SLF001
 
     def clipped(self, limits: tuple[float, float]) -> BrickedKernels:
         """Return a field whose values are clamped to the limits."""

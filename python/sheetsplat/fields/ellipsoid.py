@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, TypedDict, Unpack
+from typing import Any, Self, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,7 +26,7 @@ _LEAST_WEIGHT = 1e-30
 # All that a field is made of: arrays of the native field, and the rest.
 _ARRAYS = ("centers", "scales", "rotations", "values", "weights")
 _OPTIONS = ("normalization", "w0", "falloff", "min_scale", "cell_volume", "base", "periodic")
-_PARTS = (*(f"_{name}" for name in _OPTIONS), "_ghosts", "_ghost_options")
+_PARTS = (*(f"_{name}" for name in _OPTIONS), "_ghosts", "_ghost_options", "_keeps_mass")
 
 
 # What the rows of each array are, and their shapes.
@@ -164,9 +164,10 @@ class EllipsoidField(Field):
     (2, 0.5)
     """
 
-    __slots__ = ("_base", "_cell_volume", "_ghost_options", "_ghosts", "_min_scale", "_periodic")
+    __slots__ = ("_base", "_cell_volume", "_ghost_options", "_ghosts", "_keeps_mass", "_min_scale", "_periodic")
     native: _sheetsplat.EllipsoidField
     _ghost_options: tuple[float, float] | None
+    _keeps_mass: bool
     _periodic: Bounds | None
 
     def __init__(
@@ -194,7 +195,7 @@ class EllipsoidField(Field):
         self._base = number("EllipsoidField: base", base)
         self._periodic = periodic_box("EllipsoidField", periodic)
         self._quantity, self._opened, self._orientation, self._trim = Quantity(), NOT_OPENED, None, Trim()
-        self._ghosts, self._ghost_options, self._weighting = 0, None, None
+        self._ghosts, self._ghost_options, self._weighting, self._keeps_mass = 0, None, None, False
         rest = {"scales": scales, "rotations": rotations, "values": values, "weights": weights}
         places, sizes, turns, heights, masses = _kernels(nan, centers, **rest)
         self.native = self._made(places, sizes, turns, heights, masses)
@@ -263,7 +264,7 @@ class EllipsoidField(Field):
         *,
         value_range: tuple[float, float] | None = None,
         **changes: Any,
-    ) -> EllipsoidField:
+    ) -> Self:
         """Return the field of other kernels with the same options, but for those that are given.
 
         Parameters
@@ -284,6 +285,21 @@ class EllipsoidField(Field):
         native = self._made(*rows, unit_rotations=True, value_range=counted, **changes)
         changed: dict[str, Any] = {f"_{name}": one for name, one in changes.items()}
         return self._with(native=native, _weighting=self._weighting_of((len(values),)), **changed)
+
+    keeps_mass = Forwarded[bool](
+        "_keeps_mass", "Whether kernels' integrals are volumes of particles and nobody chose how sums are divided."
+    )
+
+    def of_particles(self) -> Self:
+        """Return the same field, whose x-rays are plain sums: its kernels' integrals are the volumes of particles."""
+        return self._with(_keeps_mass=True)
+
+    def summed(self) -> Self:
+        """Return the field of the plain sums D, as x-rays show it, where it keeps the mass; any other as it is."""
+        if not self._keeps_mass or self._normalization == "none":
+            return self
+        rows = (getattr(self.native, name) for name in _ARRAYS)
+        return self.with_rows(*rows, value_range=self.value_range, normalization="none")
 
     @classmethod
     def from_covariances(

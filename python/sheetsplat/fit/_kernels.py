@@ -68,6 +68,8 @@ class Kernels:
         Counts of merged points and similar numbers; each fit documents its own.
     periodic
         The box in which they wrap, as for :class:`sheetsplat.EllipsoidField`; None: they do not.
+    keeps_mass
+        Whether the kernels' integrals are the volumes of particles, so that integrals of plain sums keep masses.
 
     Examples
     --------
@@ -86,6 +88,7 @@ class Kernels:
     w0: float = 1.0
     report: Mapping[str, Any] = field(default_factory=dict)
     periodic: Bounds | None = None
+    keeps_mass: bool = False
 
     def __post_init__(self) -> None:
         for name in ("centers", "scales", "values", "rotations", "weights"):
@@ -111,7 +114,9 @@ class Kernels:
         own: dict[str, Any] = {
             name: getattr(self, name) for name in ("weights", "normalization", "w0", "falloff", "periodic")
         }
-        return EllipsoidField(self.centers, self.scales, self.rotations, self.values, **{**own, **options})
+        made = EllipsoidField(self.centers, self.scales, self.rotations, self.values, **{**own, **options})
+        chosen = {"normalization", "w0", "base"} & options.keys()
+        return made.of_particles() if self.keeps_mass and not chosen else made
 
     def shapes(self) -> Floats:
         """Return the shape matrices M = R S, (N, 3, 3): the unit ball becomes a kernel's support."""

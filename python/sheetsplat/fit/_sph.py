@@ -134,7 +134,7 @@ def sph(
     With masses and densities D is the SPH interpolant, sum of (m / density) f w: a weight is m / density over h^3 times
     the amplitude of the Gaussian, and W is about 1 where particles tile space. With normalization "threshold" and
     w0 = 1 the scalar is that interpolant where W is at most 1, as at the edges of the data, and elsewhere the weighted
-    mean of the particles. Without masses and densities weights are 1, and W is about the number of particles within a
+    mean of the particles; `sheetsplat.render` integrates the interpolant in mode xray, which keeps masses. Without masses and densities weights are 1, and W is about the number of particles within a
     support.
 
     Parameters
@@ -236,4 +236,5 @@ def sph(
         falloff=chosen.falloff,
         report={"points": count, "kernel": chosen.name},
         periodic=periodic_box(_WHAT, periodic),
+        keeps_mass=weights is not None,
     )

@@ -249,14 +249,15 @@ class Shown:
             options["quality"] = quality
         if mode in (None, first):
             return prepare(opened, **options)
-        # The kernels are those of the first mode, so that they are made once.
+        # The kernels of volumes are those of the first mode, so that they are made once.
         own = self.base(choice, time, None, quality).scene
         options["mode"] = mode
         for name in _OF_ONE_MODE:
             options.pop(name, None)
         in_decades = any(one.quantity.floor is not None for one in own.fields)
-        # What their logarithms were taken of is added up along rays.
-        made = prepare(opened if in_decades and TRAITS[mode].adds else Opened(list(own.fields), own.fields), **options)
+        # What their logarithms were taken of is added up along rays, and particles may be sums in one of both modes.
+        anew = in_decades and TRAITS[mode].adds or not all(isinstance(one, RegularField) for one in own.fields)
+        made = prepare(opened if anew else Opened(list(own.fields), own.fields), **options)
         return _with_scene(made, made.scene.with_quality(_joined(own.quality, made.scene.quality)))
 
     def coarse(self, fields: tuple[Field, ...], key: tuple[int, int]) -> tuple[Field, ...] | None:

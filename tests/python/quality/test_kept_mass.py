@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 
+import h5py
 import numpy as np
 import pytest
 
@@ -206,3 +207,62 @@ def test_needles_and_plates_narrower_than_a_pixel_keep_their_mass(thin, turned):
     field = ss.RegularField(values, axes=axes)
     image = ss.render(field, mode="xray", size=(60, 48), camera=ss.Camera.fit(field), backend="cpu")
     assert shown(image) == pytest.approx(1000 * abs(np.linalg.det(axes)), rel=0.01)
+
+
+def overlapping(rng, path):
+    """Write particles whose kernels add up to more than 1 in places, as SPH's; return their mass."""
+    count = 400
+    centers, lengths = rng.uniform(-1, 1, (count, 3)), rng.uniform(0.3, 0.6, count)
+    masses = rng.uniform(0.5, 1.5, count)
+    densities = 0.7 * masses * count / 8.0
+    fitted = ss.fit.sph(centers, densities, lengths, support=1.0, masses=masses, densities=densities)
+    assert (fitted.sums(centers)[1] > 1.2).mean() > 0.5
+    with h5py.File(path, "w") as file:
+        group = file.create_group("PartType0")
+        group["Coordinates"], group["Masses"], group["Density"] = centers, masses, densities
+        group["SmoothingLength"] = lengths
+    return fitted, float(masses.sum())
+
+
+@pytest.mark.parametrize("way", ["render", "open", "fit", "log", "bricks", "film"])
+def test_column_densities_of_particles_keep_their_mass(way, tmp_path):
+    fitted, mass = overlapping(np.random.default_rng(5), tmp_path / "s.hdf5")
+    path, camera = tmp_path / "s.hdf5", ahead(5)
+    own = {"support": 1.0}
+    options = {"mode": "xray", "size": 60, "camera": camera, "backend": "cpu"}
+    if way == "render":
+        image = ss.render(path, **own, **options)
+    elif way == "bricks":
+        image = ss.render(ss.open_bricks(path, brick_kernels=100, **own), **options)
+    elif way == "film":
+        image = ss.animate([path, path], **own, **options)[1]
+        assert image.scalar.tolist() == ss.render(path, **own, **options).scalar.tolist()
+    elif way == "log":
+        image = ss.render(ss.open(path, log=True, **own), **options)
+    else:
+        image = ss.render(ss.open(path, **own) if way == "open" else fitted, **options)
+    assert shown(image) == pytest.approx(mass, rel=2e-3)
+    if way != "film":
+        assert "masses are kept" in image.plan.quality.of("normalization").reason
+    # A picture says how it was made.
+    if way != "fit":
+        again = image.recipe.scene([image.recipe.fields[0].open(path)])
+        whole = ss.Renderer(backend="cpu").render(again, camera, (60, 60)).scalar
+        assert (
+            np.allclose(whole, image.scalar, atol=1e-6 * whole.max())
+            if way == "bricks"
+            else np.array_equal(whole, image.scalar)
+        )
+
+
+def test_means_of_particles_stay_where_they_were_asked_for(tmp_path):
+    """The control of the test above."""
+    _, mass = overlapping(np.random.default_rng(5), tmp_path / "s.hdf5")
+    options = {"mode": "xray", "size": 60, "camera": ahead(5), "backend": "cpu"}
+    for own in ({"normalization": "threshold"}, {"w0": 1.0}):
+        image = ss.render(tmp_path / "s.hdf5", support=1.0, **own, **options)
+        assert shown(image) < 0.9 * mass and "masses" not in str(image.plan)
+    # Values at places are means, in every other mode.
+    field = ss.open(tmp_path / "s.hdf5", support=1.0)
+    assert field.normalization == "threshold" and field.summed().normalization == "none"
+    assert "masses" not in str(ss.render(field, **{**options, "mode": "mip"}).plan)

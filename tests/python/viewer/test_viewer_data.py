@@ -50,6 +50,19 @@ def test_sums_along_rays_are_of_values_whose_logarithms_are_shown(opened):
     assert session.scene().scalar_colors.log
 
 
+@pytest.mark.parametrize("first", ["composite", "xray"])
+def test_particles_are_sums_in_x_rays_alone(opened, first):
+    rng = np.random.default_rng(3)
+    ones = np.ones(50)
+    kernels = ss.fit.sph(rng.random((50, 3)), ones, 0.5 * ones, masses=ones, densities=ones)
+    session = opened(kernels, mode=first)
+    page = Page(session)
+    for mode in (first, "xray", "composite", "mip", "xray"):
+        page.set(mode=mode)
+        page.wait("frame", last=True)
+        assert session.scene().fields[0].normalization == ("none" if mode == "xray" else "threshold"), mode
+
+
 def test_scattered_data_and_their_code(opened):
     rng = np.random.default_rng(3)
     data = {"x": rng.random(200), "y": rng.random(200), "z": rng.random(200), "value": rng.random(200)}

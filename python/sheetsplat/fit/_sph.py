@@ -132,10 +132,10 @@ def sph(
     """Return a sphere for each SPH particle, with the lowered Gaussian of :class:`SphKernel`.
 
     With masses and densities D is the SPH interpolant, sum of (m / density) f w: a weight is m / density over h^3 times
-    the amplitude of the Gaussian, and W is about 1 where particles tile space. With normalization "threshold" and
-    w0 = 1 the scalar is that interpolant where W is at most 1, as at the edges of the data, and elsewhere the weighted
-    mean of the particles; `sheetsplat.render` integrates the interpolant in mode xray, which keeps masses. Without masses and densities weights are 1, and W is about the number of particles within a
-    support.
+    the amplitude of the Gaussian, and W is about 1 where particles tile space. With normalization "threshold" and w0 =
+    1 the scalar is that interpolant where W is at most 1, as at the edges of the data, and elsewhere the weighted mean
+    of the particles; `sheetsplat.render` integrates the interpolant in mode xray, which keeps masses. Without masses
+    and densities weights are 1, and W is about the number of particles within a support.
 
     Parameters
     ----------

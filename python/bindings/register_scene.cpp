@@ -56,8 +56,13 @@ DepthCue make_depth_cue(double start, double end, const Triple& color, double st
 
 AmbientOcclusion make_occlusion(double radius, double strength) { return {radius, strength}; }
 
-// A group of fields, and its transfer function.
-using OwnLook = std::pair<std::vector<std::shared_ptr<Field>>, TransferFunction>;
+const std::map<std::string, GroupRole> roles{{"shown", GroupRole::shown},
+                                             {"colors", GroupRole::colors},
+                                             {"label", GroupRole::label},
+                                             {"compared", GroupRole::compared}};
+
+// A group of fields, its transfer function, what it is for, and the number of its set of labels.
+using OwnLook = std::tuple<std::vector<std::shared_ptr<Field>>, TransferFunction, std::string, std::size_t>;
 
 // Members of a scene from values of Python.
 template <class Value>
@@ -89,10 +94,13 @@ void read(const char*, py::handle value, std::optional<Vec3>& member) {
 
 /// options: of Scene, by name.
 Scene make_scene(const std::vector<OwnLook>& groups, const py::kwargs& options) {
-    Scene scene{{}, groups.at(0).second};
-    for (const auto& [fields, transfer_function] : groups) {
-        if (!scene.fields.empty()) {
-            scene.later_groups.push_back({scene.fields.size(), transfer_function});
+    Scene scene{{}, std::get<TransferFunction>(groups.at(0))};
+    for (const auto& [fields, transfer_function, role, set] : groups) {
+        const GroupUse use{from_name("role", role, roles), set};
+        if (scene.fields.empty()) {
+            scene.use = use;
+        } else {
+            scene.later_groups.push_back({scene.fields.size(), transfer_function, use});
         }
         scene.fields.insert(scene.fields.end(), fields.begin(), fields.end());
     }

@@ -164,7 +164,8 @@ class Scene:
             # The native field of kernels in bricks is a sample, which would have slices farther apart.
             native |= {"slice_spacing": self.slice_spacing, "reference_length": self.reference_length}
         return _sheetsplat.Scene(
-            [([one.native for one in fields], function.native) for fields, function in self._groups], **native
+            [([one.native for one in fields], function.native, "shown", 0) for fields, function in self._groups],
+            **native,
         )
 
     @property

@@ -151,11 +151,27 @@ struct IsoValue {
     }
 };
 
+/// What the scalar of a group of fields is for (section 4).
+enum class GroupRole {
+    shown,    ///< its transfer function classifies it
+    colors,   ///< its transfer function's colours take the place of those of the group before it where it is not empty;
+              ///< those of several in a row add up
+    label,    ///< its field is 1 at the samples of a label: shown where it is the largest of its set of labels
+    compared, ///< the same of a label that is not shown
+};
+struct GroupUse {
+    GroupRole role = GroupRole::shown;
+    std::size_t set = 0; ///< of labels: neighbouring groups of one number are compared with each other
+
+    friend bool operator==(const GroupUse& a, const GroupUse& b) { return a.role == b.role && a.set == b.set; }
+};
+
 /// Fields of a scene whose scalars add up before the transfer function classifies the sum (section 4).
 struct Group {
     std::size_t first; ///< Scene::fields[first] ... Scene::fields[last - 1]
     std::size_t last;
     const TransferFunction* transfer_function; ///< the scene's: valid while that is
+    GroupUse use{};
 };
 
 /// What a renderer makes of the bases and the ends of fields (conventions, section 2) before it draws them as sums of
@@ -215,10 +231,12 @@ struct Scene {
     struct LaterGroup {
         std::size_t first_field;
         TransferFunction transfer_function;
+        GroupUse use{};
     };
 
     std::vector<std::shared_ptr<const Field>> fields; ///< of all groups, one group after the other
     TransferFunction transfer_function;               ///< of the first group
+    GroupUse use{};                                   ///< of the first group
     std::vector<LaterGroup> later_groups{};
 #define SHEETSPLAT_SCENE_MEMBER(type, name, value, applies) type name = value;
     SHEETSPLAT_SCENE_OPTIONS(SHEETSPLAT_SCENE_MEMBER)

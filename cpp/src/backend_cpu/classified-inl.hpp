@@ -10,6 +10,7 @@
 #endif
 
 #include <cstddef>
+#include <type_traits>
 
 #include "backend_cpu/shading.hpp"
 #include "hwy/highway.h"
@@ -258,15 +259,21 @@ class Crossings : public Classified<T> {
     const ShadingSurface<T>& surface_;
 };
 
-/// Calls use(Slices<...>(slab)) with the table that the group's transfer function fits.
+/// Calls use(table) with the kind of table that the group's transfer function fits.
 template <class T, class Use>
-HWY_INLINE void with_slices(const Slab<T>& slab, const Use& use) {
+HWY_INLINE void with_table(const Slab<T>& slab, const Use& use) {
     using D = typename Slab<T>::D;
     if (slab.group.transfer.stretches <= Slab<T>::lanes) {
-        use(Slices<T, TableInLanes<D>>(slab));
+        use(TableInLanes<D>(slab.group.transfer));
     } else {
-        use(Slices<T, TableInMemory<D>>(slab));
+        use(TableInMemory<D>(slab.group.transfer));
     }
+}
+
+/// The same with use(Slices<...>(slab)).
+template <class T, class Use>
+HWY_INLINE void with_slices(const Slab<T>& slab, const Use& use) {
+    with_table(slab, [&](const auto& table) { use(Slices<T, std::decay_t<decltype(table)>>(slab)); });
 }
 
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE

@@ -231,7 +231,7 @@ void refuse_beyond(const Job& job, const TileLayout& layout, const std::vector<d
 SliceRecord record_of(const Job& job, SliceRecord::Of what, int every, float* values) {
     const auto row = static_cast<std::size_t>(job.frame->size.width);
     const std::size_t plane = row * static_cast<std::size_t>(job.frame->size.height);
-    return {what, values, row, plane, (job.frame->slices + every - 1) / every, every};
+    return {what, values, row, plane, (job.frame->slices + every - 1) / every, every, 0};
 }
 
 /// Ends a task of a picture that has failed in another task, whose error is the one that is thrown.
@@ -564,8 +564,10 @@ void CpuRenderer::absorb(const Job& job, int every, float* values) {
     record(job, record_of(job, SliceRecord::Of::absorption, every, values));
 }
 
-void CpuRenderer::sample(const Job& job, float* values) {
-    record(job, record_of(job, SliceRecord::Of::rho, 1, values));
+void CpuRenderer::sample(const Job& job, std::size_t group, float* values) {
+    SliceRecord asked = record_of(job, SliceRecord::Of::rho, 1, values);
+    asked.group = group;
+    record(job, asked);
 }
 
 void CpuRenderer::record(const Job& job, const SliceRecord& record) {

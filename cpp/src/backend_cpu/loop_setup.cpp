@@ -101,6 +101,7 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     };
     // A field that is all of its group is divided in the group's sheets; each of several has two of its own.
     const std::vector<Group> groups = groups_drawn(*job.scene);
+    setup.label_sets = label_sets(groups);
     for (const Group& group : groups) {
         GroupSheets<T> sheets;
         sheets.rho_channel = setup.channels++;

@@ -101,11 +101,67 @@ void divide_group(const GroupSheets<T>& group, bool keep_weight, const SheetRing
     }
 }
 
+/// Of groups that hold the weights of labels, what each is above the largest other one, and its derivatives. Where a
+/// label has no weight it is below 0, so that no point shows what is not there.
+template <class T>
+HWY_NOINLINE void compare_labels(const LoopSetup<T>& setup, const GroupRange& set, const SheetRing<T>& ring,
+                                 const TileShape& shape, std::int64_t n, const Rect& rect) {
+    const hn::CappedTag<T, 16> d;
+    const int lanes = static_cast<int>(hn::Lanes(d));
+    const auto zero = hn::Zero(d), absent = hn::Set(d, T(-1e-12));
+    const auto count = static_cast<T>(set.last - set.first);
+    const auto sheet = [&](std::size_t group, std::ptrdiff_t at) {
+        return ring.plane(n, setup.groups[group].rho_channel) + at;
+    };
+    for (int y = rect.y0; y < rect.y1; ++y) {
+        const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(y) * shape.stride;
+        for (int x = rect.x0; x < rect.x1; x += lanes) {
+            const std::ptrdiff_t at = row + x;
+            auto largest = zero, second = zero, first = hn::Set(d, T(-1)), next = first;
+            for (T label = 0; label < count; label += T(1)) {
+                const auto number = hn::Set(d, label);
+                const auto own = hn::LoadU(d, sheet(set.first + static_cast<std::size_t>(label), at));
+                const auto leads = hn::Gt(own, largest), follows = hn::Gt(own, second);
+                next = hn::IfThenElse(leads, first, hn::IfThenElse(follows, number, next));
+                second = hn::IfThenElse(leads, largest, hn::IfThenElse(follows, own, second));
+                first = hn::IfThenElse(leads, number, first);
+                largest = hn::IfThenElse(leads, own, largest);
+            }
+            for (int axis = 0; axis < 3 && setup.slopes; ++axis) {
+                const auto slope = [&](std::size_t group) {
+                    return ring.plane(n, setup.groups[group].slope_channel + axis) + at;
+                };
+                auto of_first = zero, of_next = zero;
+                for (T label = 0; label < count; label += T(1)) {
+                    const auto own = hn::LoadU(d, slope(set.first + static_cast<std::size_t>(label)));
+                    of_first = hn::IfThenElse(hn::Eq(first, hn::Set(d, label)), own, of_first);
+                    of_next = hn::IfThenElse(hn::Eq(next, hn::Set(d, label)), own, of_next);
+                }
+                for (T label = 0; label < count; label += T(1)) {
+                    T* own = slope(set.first + static_cast<std::size_t>(label));
+                    const auto other = hn::IfThenElse(hn::Eq(first, hn::Set(d, label)), of_next, of_first);
+                    hn::StoreU(hn::Sub(hn::LoadU(d, own), other), d, own);
+                }
+            }
+            for (T label = 0; label < count; label += T(1)) {
+                T* place = sheet(set.first + static_cast<std::size_t>(label), at);
+                const auto own = hn::LoadU(d, place);
+                const auto other = hn::IfThenElse(hn::Eq(first, hn::Set(d, label)), second, largest);
+                const auto above = hn::Sub(own, other);
+                hn::StoreU(hn::IfThenElse(hn::Gt(own, zero), above, hn::Min(above, absent)), d, place);
+            }
+        }
+    }
+}
+
 template <class T>
 void divide(const LoopSetup<T>& setup, const SheetRing<T>& ring, const TileShape& shape, std::int64_t n,
             const Rect& rect) {
     for (const GroupSheets<T>& group : setup.groups) {
         divide_group(group, setup.keep_weight, ring, shape, n, rect);
+    }
+    for (const GroupRange& set : setup.label_sets) {
+        compare_labels(setup, set, ring, shape, n, rect);
     }
 }
 

@@ -91,6 +91,9 @@ HWY_INLINE void shade_slab(const Shading<T>& shading, const TileShape& shape, co
     const std::size_t groups = shading.groups.size();
     for (std::size_t group = 0; group < groups && picture.coverage != nullptr && window.n >= 0; ++group) {
         const Slab<T> of(shading, shape, window, picture, group);
+        if (!of.group.counts) {
+            continue;
+        }
         add(of, of.sheets.weight[0], shading.coverage_step, picture.coverage, true);
     }
     if (shading.open_front && window.n < 0) {
@@ -117,7 +120,9 @@ HWY_INLINE void absorb_slab(const Shading<T>& shading, const TileShape& shape, c
                             TilePicture<T>& picture) {
     for (std::size_t group = 0; group < shading.groups.size(); ++group) {
         const Slab<T> slab(shading, shape, window, picture, group);
-        with_slices(slab, [&](const auto& kind) { absorb(slab, kind); });
+        if (slab.group.classified) {
+            with_slices(slab, [&](const auto& kind) { absorb(slab, kind); });
+        }
     }
 }
 

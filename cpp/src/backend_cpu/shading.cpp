@@ -17,10 +17,13 @@ namespace sheetsplat::backend_cpu {
 namespace {
 
 template <class T>
-GroupShading<T> group_of(const TransferFunction& function, const ShadingInputs::OfGroup& inputs, const DrawPlan& plan,
-                         double value_unit) {
+GroupShading<T> group_of(const Group& of, const ShadingInputs::OfGroup& inputs, const DrawPlan& plan) {
+    const TransferFunction& function = *of.transfer_function;
+    const double value_unit = plan.unit_of(of.first);
     GroupShading<T> group;
-    if (is_composited(plan.mode)) {
+    group.classified = is_classified(of);
+    group.counts = of.use.role != GroupRole::colors;
+    if (is_composited(plan.mode) || of.use.role == GroupRole::colors) {
         group.transfer = make_transfer_table<T>(function, value_unit);
         if (plan.preintegration) {
             group.ramps = make_ramp_table<T>(function, value_unit);
@@ -188,15 +191,16 @@ Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& f
     shading.exponent = static_cast<T>(inputs.exponent);
     const std::vector<Group> groups = groups_drawn(scene);
     for (std::size_t n = 0; n < groups.size(); ++n) {
-        shading.groups.push_back(
-            group_of<T>(*groups[n].transfer_function, inputs.groups[n], plan, plan.unit_of(groups[n].first)));
+        shading.groups.push_back(group_of<T>(groups[n], inputs.groups[n], plan));
+        shading.groups.back().colors = colors_of(groups, n);
     }
-    // (All groups have the same surfaces, in colours of their own.)
-    const std::vector<ShadingSurface<T>>& surfaces = shading.groups.front().surfaces;
     const bool surface = shows_surfaces(plan.mode);
-    shading.several_surfaces = surface && (groups.size() > 1 || surfaces.size() != 1 || !all_opaque(surfaces));
+    const bool opaque = std::all_of(shading.groups.begin(), shading.groups.end(),
+                                    [](const GroupShading<T>& group) { return all_opaque(group.surfaces); });
+    shading.several_surfaces =
+        surface && (groups.size() > 1 || shading.groups.front().surfaces.size() != 1 || !opaque);
     // Of opaque isosurfaces every pixel that has one is opaque.
-    shading.stop = surface && all_opaque(surfaces) ? T(0.5) : static_cast<T>(inputs.opacity_stop);
+    shading.stop = surface && opaque ? T(0.5) : static_cast<T>(inputs.opacity_stop);
     shading.scalar_step = number<T>(inputs.scalar_step);
     shading.coverage_step = number<T>(frame.slice_spacing);
     shading.gradient = plan.gradient;

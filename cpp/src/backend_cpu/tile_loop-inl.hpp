@@ -231,7 +231,8 @@ class TileLoop {
         }
         window.later_groups = later_.data();
         if (records(SliceRecord::Of::rho)) {
-            record_rho(n, window.rho[1], window.rect);
+            const std::size_t group = setup_.record->group;
+            record_rho(n, (group == 0 ? window : later_[group - 1]).rho[1], window.rect);
             return;
         }
         if (setup_.record != nullptr) {

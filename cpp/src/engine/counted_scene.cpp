@@ -93,7 +93,7 @@ std::string CountedFields::why_shown(const Scene& scene, const Camera& camera, S
     std::size_t number = 0;
     for (const Group& group : scene.groups()) {
         const std::size_t own = number++;
-        if (!scene.fields[group.first]->domain()) {
+        if (!scene.fields[group.first]->domain() || !is_classified(group)) {
             continue;
         }
         if (as_regular(scene.fields[group.first].get()) == nullptr) {
@@ -126,6 +126,12 @@ std::string CountedFields::why_shown(const Scene& scene, const Camera& camera, S
             }
             return "the mode counts or sums what lies inside the volume";
         }
+        if (is_label(group)) {
+            if (high > 0.0) {
+                return "a label reaches the volume's boundary";
+            }
+            continue;
+        }
         VisibilityQuery query;
         query.transfer_function = group.transfer_function;
         query.isosurface = shows_surfaces(scene.mode);
@@ -140,7 +146,7 @@ std::string CountedFields::why_shown(const Scene& scene, const Camera& camera, S
             known = entry.weights.emplace(gain, largest_weight(lattice, gain)).first;
         }
         const double weight = known->second;
-        const bool at_base = !query.isosurface && !group.transfer_function->transparent_over(0.0, 0.0);
+        const bool at_base = !query.isosurface && shows_at_base(group);
         if (at_base || high * weight >= from.above || -low * weight >= from.below) {
             return "something shows at the volume's boundary";
         }

@@ -121,21 +121,56 @@ constexpr std::size_t little_of_part = 4;
 /// Rounding of what the filter widens supports by.
 constexpr double filter_rounding = 1e-9;
 
+bool lie_alike(const RegularField& a, const RegularField& b) {
+    return a.shape() == b.shape() && a.lattice() == b.lattice() && a.steps() == b.steps() &&
+           a.position(0, 0, 0) == b.position(0, 0, 0);
+}
+
+/// Of a label that is not shown: the fields of those of its set that are, beside which alone it matters. None where
+/// their samples do not lie on one lattice.
+std::vector<std::shared_ptr<const Field>> labels_near(const Scene& scene, std::size_t number) {
+    const std::vector<Group> groups = groups_drawn(scene);
+    const std::size_t own = group_drawn_of(scene, number);
+    if (groups[own].use.role != GroupRole::compared) {
+        return {};
+    }
+    std::vector<std::shared_ptr<const Field>> near;
+    const RegularField* lattice = as_regular(scene.fields[number].get());
+    for (const GroupRange& set : label_sets(groups)) {
+        for (std::size_t group = set.first; group < set.last && own >= set.first && own < set.last; ++group) {
+            const std::shared_ptr<const Field>& field = scene.fields[groups[group].first];
+            const RegularField* other = as_regular(field.get());
+            if (lattice == nullptr || other == nullptr || !lie_alike(*lattice, *other)) {
+                return {};
+            }
+            if (groups[group].use.role == GroupRole::label) {
+                near.push_back(field);
+            }
+        }
+    }
+    return near;
+}
+
 VisibilityQuery query_of(std::size_t number, const Scene& scene, const DrawPlan& plan, const Frame& frame) {
     const Field& field = *scene.fields[number];
     const Group group = groups_drawn(scene)[group_drawn_of(scene, number)];
     const double slant = frame.largest_slant();
     VisibilityQuery query;
-    query.transfer_function = is_scalar(plan.mode) ? nullptr : group.transfer_function;
-    query.weights_matter = plan.weight || !plan.culling;
-    query.reach_matters = reach_decides(plan);
+    const bool serves = serves_others(group);
+    query.transfer_function = is_scalar(plan.mode) || serves ? nullptr : group.transfer_function;
+    // Kernels of a label are those of its own samples.
+    query.weights_matter = (plan.weight || !plan.culling) && !is_label(group);
+    query.reach_matters = reach_decides(plan) && !is_label(group);
     // Where W > 0 decides, kernels without weight may not be drawn at all.
-    query.cull = (plan.culling && !plan.coverage) || counts_weighted_slices(plan.mode);
-    query.isosurface = shows_surfaces(plan.mode);
+    query.cull = (plan.culling && !plan.coverage) || counts_weighted_slices(plan.mode) || is_label(group);
+    query.isosurface = shows_surfaces(plan.mode) && !serves;
     for (const IsoValue& iso : iso_values_of(scene, query.isosurface ? group_drawn_of(scene, number) : 0)) {
-        if (iso.opacity > 0.0) {
+        if (iso.opacity > 0.0 && !serves) {
             query.iso_values.push_back(iso.value);
         }
+    }
+    if (!plan.coverage) {
+        query.only_near = labels_near(scene, number);
     }
     query.alone = group.last - group.first == 1;
     query.cubic = plan.second_order && plan.preintegration;
@@ -190,7 +225,7 @@ bool Decision::answers(const VisibilityQuery& other) const {
     const TransferFunction* function = other.transfer_function;
     return (function == nullptr ? points.empty() : same(points, function->points())) &&
            query.weights_matter == other.weights_matter && query.reach_matters == other.reach_matters &&
-           query.cull == other.cull && query.isosurface == other.isosurface && query.iso_values == other.iso_values &&
+           query.cull == other.cull && query.only_near == other.only_near && query.isosurface == other.isosurface && query.iso_values == other.iso_values &&
            query.alone == other.alone && query.cubic == other.cubic && reaches(query.filter_gain, other.filter_gain) &&
            reaches(query.reach_world, other.reach_world);
 }

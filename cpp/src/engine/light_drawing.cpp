@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "light/grids.hpp"
+#include "scene/mode_rules.hpp"
 
 namespace sheetsplat {
 
@@ -21,9 +22,7 @@ DrawPlan through(const DrawPlan& plan, const Scene& scene) {
     made.stop = made.coverage = made.depth = false;
     made.depth_limit = false; // It belongs to the picture's rays.
     const std::vector<Group> groups = scene.groups();
-    made.empty_test = std::any_of(groups.begin(), groups.end(), [](const Group& group) {
-        return !group.transfer_function->transparent_over(0.0, 0.0);
-    });
+    made.empty_test = std::any_of(groups.begin(), groups.end(), shows_at_base);
     made.weight = made.threshold || made.empty_test;
     return made;
 }
@@ -65,8 +64,23 @@ void fill(const LightGrid& grid, const LightCut& cut, const Group* group, const 
         scene.part->in_front.reset();
         plan.owned = plan.owned && scene.part->cuts();
     }
+    const std::vector<Group> groups = asked.scene.groups();
+    GroupRange needed{};
+    std::size_t recorded = 0;
     if (group != nullptr) {
-        scene.later_groups.clear(); // The fields of other groups are left out below.
+        const auto own = static_cast<std::size_t>(
+            std::find_if(groups.begin(), groups.end(), [&](const Group& one) { return one.first == group->first; }) -
+            groups.begin());
+        needed = {own, own + 1};
+        for (const GroupRange& set : label_sets(groups)) {
+            if (own >= set.first && own < set.last) {
+                needed = set;
+                recorded = own;
+            }
+        }
+        if (!is_label(*group)) {
+            scene.later_groups.clear(); // The fields of other groups are left out below.
+        }
         if (scene.counted) {
             scene.counted->ends.clear(); // Lines look beyond the end of a field.
         }
@@ -108,12 +122,12 @@ void fill(const LightGrid& grid, const LightCut& cut, const Group* group, const 
         std::transform(values, values + elements, values, [per_slice](float sum) { return per_slice * sum; });
         return;
     }
-    const auto of_others = [&group](const auto& part) {
-        return part.field < group->first || part.field >= group->last;
+    const auto of_others = [&](const auto& part) {
+        return part.field < groups[needed.first].first || part.field >= groups[needed.last - 1].last;
     };
     job.regular.erase(std::remove_if(job.regular.begin(), job.regular.end(), of_others), job.regular.end());
     job.ellipsoids.erase(std::remove_if(job.ellipsoids.begin(), job.ellipsoids.end(), of_others), job.ellipsoids.end());
-    processor.sample(job, values);
+    processor.sample(job, recorded, values);
 }
 
 } // namespace

@@ -146,6 +146,29 @@ BitRows seeds_in_blocks(const T* values, const RegularField& field, const SeedTe
     return seeds;
 }
 
+/// The same of all samples of lattices like `field` that are not 0.
+BitRows seeds_in_others(const std::vector<std::shared_ptr<const Field>>& others, const Neighbourhood& neighbourhood) {
+    BitRows all(neighbourhood.blocks());
+    for (const std::shared_ptr<const Field>& other : others) {
+        const RegularField& lattice = *as_regular(other.get());
+        std::visit(
+            [&](const auto& samples) {
+                using T = typename std::decay_t<decltype(samples)>::value_type;
+                const SeedTest<T> test{least_from<T>(0.0, 0.0), greatest_to<T>(0.0, 0.0)};
+                const BitRows own = seeds_in_blocks(samples.data(), lattice, test, neighbourhood);
+                for (std::size_t k = 0; k < neighbourhood.blocks()[0]; ++k) {
+                    for (std::size_t j = 0; j < neighbourhood.blocks()[1]; ++j) {
+                        for (std::size_t word = 0; word < all.words(); ++word) {
+                            all.row(j, k)[word] |= own.row(j, k)[word];
+                        }
+                    }
+                }
+            },
+            lattice.samples());
+    }
+    return all;
+}
+
 /// Clears the bits of a row of samples whose blocks are not set.
 void keep_blocks(const BitWord* blocks, std::size_t block_words, std::size_t block_size, std::vector<BitWord>& scratch,
                  std::vector<BitWord>& row, std::size_t n) {
@@ -240,6 +263,9 @@ VisibleRuns VisibleRuns::of(const RegularField& field, const VisibilityQuery& qu
                     neighbourhood.emplace(field, query.reach_world);
                     reached = neighbourhood->spread(seeds_in_blocks(samples.data(), field, test, *neighbourhood));
                 }
+            } else if (!query.only_near.empty()) {
+                neighbourhood.emplace(field, query.reach_world);
+                reached = neighbourhood->spread(seeds_in_others(query.only_near, *neighbourhood));
             }
             std::vector<BitWord> row(words_for(ni));
             std::vector<BitWord> scratch(row.size());

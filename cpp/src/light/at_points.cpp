@@ -53,6 +53,7 @@ LightAtPoints::LightAtPoints(const LitView& lit, const LightVolumes& volumes, co
                              std::vector<std::shared_ptr<const PointValues>> values)
     : scene_(lit.scene), camera_(lit.camera), frame_(lit.frame), plan_(lit.plan), volumes_(volumes),
       values_(std::move(values)), surfaces_(!volumes.groups.empty()), groups_(scene_.groups()),
+      label_sets_(label_sets(groups_)),
       clipping_(scene_, camera_), cell_(cell_of(scene_)), box_(supports_world(scene_)),
       lengths_(frame_.slice_spacing / frame_.reference_length), together_(steps_together(scene_)) {
     if (plan_.filter) {
@@ -189,24 +190,30 @@ bool LightAtPoints::holds(const Vec3& world) const {
     return glm::all(glm::lessThanEqual(cell_.box.lower, at)) && glm::all(glm::lessThan(at, cell_.box.upper));
 }
 
-PointValues::Value LightAtPoints::value_at(std::size_t group, const Vec3& world) const {
+template <class Of>
+PointValues::Value LightAtPoints::sum_of(std::size_t group, const Vec3& world, const Of& of) const {
     PointValues::Value sum;
     for (std::size_t field = groups_[group].first; field < groups_[group].last; ++field) {
-        const PointValues::Value one = values_[field]->at(world);
+        const PointValues::Value one = of(*values_[field]);
         sum = {sum.rho + one.rho, sum.empty && one.empty};
     }
+    double largest = 0.0;
+    for (const GroupRange& set : label_sets_) {
+        for (std::size_t other = set.first; other < set.last && group >= set.first && group < set.last; ++other) {
+            largest = other != group ? std::max(largest, of(*values_[groups_[other].first]).rho) : largest;
+        }
+    }
+    sum.rho -= largest;
     sum.empty = sum.empty || !inside_end(group, world);
     return sum;
 }
 
+PointValues::Value LightAtPoints::value_at(std::size_t group, const Vec3& world) const {
+    return sum_of(group, world, [&](const PointValues& values) { return values.at(world); });
+}
+
 PointValues::Value LightAtPoints::mean_between(std::size_t group, const Vec3& from, const Vec3& to) const {
-    PointValues::Value sum;
-    for (std::size_t field = groups_[group].first; field < groups_[group].last; ++field) {
-        const PointValues::Value one = values_[field]->mean(from, to);
-        sum = {sum.rho + one.rho, sum.empty && one.empty};
-    }
-    sum.empty = sum.empty || !inside_end(group, 0.5 * from + 0.5 * to);
-    return sum;
+    return sum_of(group, 0.5 * from + 0.5 * to, [&](const PointValues& values) { return values.mean(from, to); });
 }
 
 double LightAtPoints::last_step(const Vec3& world, const Vec3& direction, const Vec3& place, const Vec3& step) const {
@@ -267,6 +274,9 @@ double LightAtPoints::left_along(const Vec3& world, const Vec3& direction, doubl
             continue;
         }
         for (std::size_t group = 0; group < groups_.size(); ++group) {
+            if (!is_classified(groups_[group])) {
+                continue;
+            }
             const PointValues::Value value = value_at(group, point);
             if (!value.empty) {
                 const double opacity = reference::look_up(*groups_[group].transfer_function, value.rho).opacity;

@@ -14,6 +14,7 @@
 #include "light/surface_lines.hpp"
 #include "light/volumes.hpp"
 #include "point_values.hpp"
+#include "scene/mode_rules.hpp"
 #include "reference/clip.hpp"
 #include "sheetsplat/light_volume.hpp"
 
@@ -73,6 +74,9 @@ class LightAtPoints {
     [[nodiscard]] bool holds(const Vec3& world) const;
 
   private:
+    /// What a group shows of `of` its fields at a point: of a label, less the largest of the others.
+    template <class Of>
+    [[nodiscard]] PointValues::Value sum_of(std::size_t group, const Vec3& world, const Of& of) const;
     /// Blocks of a grid of rho that lie on one side of every surface: absorbed_below there; of others `mixed`.
     static constexpr double mixed = -1.0;
     struct Sides {
@@ -97,6 +101,7 @@ class LightAtPoints {
     std::vector<std::shared_ptr<const PointValues>> values_; ///< of each field
     bool surfaces_;
     std::vector<Group> groups_;
+    std::vector<GroupRange> label_sets_;
     reference::Clipping clipping_;
     Parallelepiped cell_; ///< of the part: lower <= x < upper
     Box box_;

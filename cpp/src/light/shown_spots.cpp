@@ -216,7 +216,8 @@ void ShownSpots::add_slice(const Ray& ray, std::int64_t n, const At& values, dou
     const std::size_t before = spots.size();
     double extinction = 0.0, weights = 0.0;
     for (std::size_t group = 0; group < light_.groups().size(); ++group) {
-        if (!(here && !values(n).empty(group)) && !(behind && !values(n + 1).empty(group))) {
+        if (!is_classified(light_.groups()[group]) ||
+            (!(here && !values(n).empty(group)) && !(behind && !values(n + 1).empty(group)))) {
             continue;
         }
         const TransferFunction& function = *light_.groups()[group].transfer_function;

@@ -126,12 +126,14 @@ double SurfaceLines::left_along(const LightVolumes& volumes, const Vec3& place, 
 SurfaceLines make_surface_lines(const Scene& scene, const Camera& camera, const LightVolume& grid, double slice_spacing,
                                 double value_unit) {
     SurfaceLines lines;
-    for (std::size_t group = 0; group <= scene.later_groups.size(); ++group) {
+    const std::vector<Group> groups = scene.groups();
+    for (std::size_t group = 0; group < groups.size(); ++group) {
         std::vector<SurfaceLines::Surface>& surfaces = lines.surfaces.emplace_back();
         for (const IsoValue& iso : iso_values_of(scene, group)) {
             if (iso.opacity > 0.0) {
                 const double absorption = iso.opacity < 1.0 ? -std::log1p(-iso.opacity) / std::log(2.0) : lines.opaque;
-                surfaces.push_back({iso.value / value_unit, std::min(absorption, lines.opaque)});
+                const double value = is_label(groups[group]) ? just_above_labels : iso.value / value_unit;
+                surfaces.push_back({value, std::min(absorption, lines.opaque)});
             }
         }
         std::stable_sort(

@@ -75,6 +75,9 @@ SceneShows shown_of(const Scene& scene, const ViewFacts& view) {
     for (const Group& group : scene.groups()) {
         const Range values = occurring_values(scene, view, group);
         const std::vector<IsoValue> iso_values = iso_values_of(scene, group_number++);
+        if (!is_classified(group)) {
+            continue;
+        }
         if (surface) {
             for (const IsoValue& iso : iso_values) {
                 const bool crossed = values.lower < iso.value && iso.value <= values.upper;
@@ -354,9 +357,10 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                   "the mode is not isosurface");
     state_fields(scene, effects);
     const bool visible_at_zero = is_composited(scene.mode) && !(scene.counted && scene.counted->filled) &&
-                                 std::any_of(groups.begin(), groups.end(), [](const Group& group) {
-                                     return !group.transfer_function->transparent_over(0.0, 0.0);
-                                 });
+                                 std::any_of(groups.begin(), groups.end(), shows_at_base);
+    const bool colored = std::any_of(groups.begin(), groups.end(), [](const Group& group) {
+                             return group.use.role == GroupRole::colors;
+                         }) && !(scene.counted && scene.counted->filled);
     plan.threshold = threshold;
     plan.open_front = shows_surfaces(scene.mode) && view.frame.cut_by_near;
     plan.coverage = outputs.coverage;
@@ -368,8 +372,9 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
                                                                    return field->least_weight() > 0.0;
                                                                });
     plan.empty_test =
-        effects.decide(EffectId::empty_test, visible_at_zero || thin,
+        effects.decide(EffectId::empty_test, visible_at_zero || thin || colored,
                        thin              ? "points beside missing samples, which too few kernels reach, are empty"
+                       : colored         ? "where the field that gives colours is empty, others show"
                        : visible_at_zero ? "opacity at 0 is above 0, and empty points must stay transparent"
                        : scalar          ? "the mode has no opacity"
                        : scene.counted && scene.counted->filled ? "kernels reach every point inside the volume"
@@ -460,9 +465,12 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     const bool saturates =
         !scalar && shows.anything &&
         ((scene.part && scene.part->in_front) || saturates_within(scene, view, view.frame.slices + 1, shows.opacity));
-    const bool opaque_surfaces =
-        shows_surfaces(scene.mode) && std::all_of(scene.iso_values.begin(), scene.iso_values.end(),
-                                                  [](const IsoValue& iso) { return iso.opacity == 1.0; });
+    bool opaque_surfaces = shows_surfaces(scene.mode);
+    for (std::size_t group = 0; group < groups.size() && opaque_surfaces; ++group) {
+        const std::vector<IsoValue> values = iso_values_of(scene, group);
+        opaque_surfaces =
+            std::all_of(values.begin(), values.end(), [](const IsoValue& iso) { return iso.opacity == 1.0; });
+    }
     const bool stops = saturates && (scene.opacity_stop < 1.0 || opaque_surfaces);
     plan.stop = effects.decide(EffectId::opacity_stop, stops && !opaque_surfaces,
                                scalar            ? "the mode has no opacity"

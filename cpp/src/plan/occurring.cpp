@@ -60,6 +60,10 @@ Range occurring_values(const Scene& scene, const ViewFacts& view, const Group& g
         sum.lower += one.lower;
         sum.upper += one.upper;
     }
+    if (is_label(group)) {
+        // The largest of the others is subtracted.
+        sum.lower = -sum.upper;
+    }
     const double spread = sum.upper - sum.lower;
     // The cubic through four slices leaves the range of the two in its middle by an eighth of the spread at most.
     const double beyond = spread * (rounding + (scene.second_order ? 0.125 : 0.0));

@@ -92,7 +92,7 @@ void Compositor::add_coverage(const SheetWindow& window, const Pixel& pixel) {
     double weight = 0.0;
     for (std::size_t group = 0; group < groups_.size(); ++group) {
         const View view{window, pixel, group};
-        weight += view.sheet(0).weight[view.index()];
+        weight += groups_[group].use.role != GroupRole::colors ? view.sheet(0).weight[view.index()] : 0.0;
     }
     picture_.coverage[pixel.number] += weight * slices_.spacing * screen_.secant(pixel.column, pixel.row);
 }
@@ -105,7 +105,7 @@ void Compositor::add_slice(const SheetWindow& window, const Pixel& pixel) {
     Mixture mixture;
     for (std::size_t group = 0; group < groups_.size(); ++group) {
         const View view{window, pixel, group};
-        if (!view.reached(0)) {
+        if (!is_classified(groups_[group]) || !view.reached(0)) {
             continue;
         }
         const ColorOpacity looks = look_up(*groups_[group].transfer_function, view.rho(0) + rho_shifts_[group]);
@@ -116,7 +116,8 @@ void Compositor::add_slice(const SheetWindow& window, const Pixel& pixel) {
         const double opacity = looks.opacity * gradient_share(slope);
         const double extinction = -pixel.lengths * std::log1p(-opacity);
         if (extinction > 0.0) {
-            mixture.add(shaded(view, looks.color, slope, depth), extinction, extinction_of(opacity));
+            mixture.add(shaded(view, color_of(view, looks.color, 0.0), slope, depth), extinction,
+                        extinction_of(opacity));
         }
     }
     put_behind(pixel, mixture.color(), mixture.opacity(), depth);
@@ -129,7 +130,7 @@ void Compositor::add_interval(const SheetWindow& window, const Pixel& pixel) {
     Mixture mixture;
     for (std::size_t group = 0; group < groups_.size(); ++group) {
         const View view{window, pixel, group};
-        if (!open_interval(view)) {
+        if (!is_classified(groups_[group]) || !open_interval(view)) {
             continue;
         }
         const Vec3 slope = gradient_of_interval(view);
@@ -138,7 +139,8 @@ void Compositor::add_interval(const SheetWindow& window, const Pixel& pixel) {
         // mean(tau) times a share over a length is mean(tau) over the length times the share.
         const double extinction = pixel.lengths * gradient_share(slope) * mean.extinction;
         if (extinction > 0.0) {
-            mixture.add(shaded(view, mean.color, slope, middle_of_interval(window)), extinction, extinction);
+            mixture.add(shaded(view, color_of_interval(view, mean.color), slope, middle_of_interval(window)),
+                        extinction, extinction);
         }
     }
     put_behind(pixel, mixture.color(), mixture.opacity(), depth_of_interval(window));
@@ -195,7 +197,8 @@ void Compositor::add_crossings(const SheetWindow& window, const Pixel& pixel) {
         const View view{window, pixel, crossing.group};
         const double share = crossing.share;
         const Vec3 slope = needs_gradient_ ? (1.0 - share) * gradient(view, 0) + share * gradient(view, 1) : Vec3(0.0);
-        const Vec3 color = look_up(*groups_[crossing.group].transfer_function, crossing.iso->value).color;
+        const Vec3 own = look_up(*groups_[crossing.group].transfer_function, crossing.iso->value).color;
+        const Vec3 color = color_of(view, own, share);
         const double depth = slices_.depth(window.n) + share * slices_.spacing;
         put_behind(pixel, shaded(view, color, slope, depth), crossing.iso->opacity, depth);
     }
@@ -220,6 +223,38 @@ void Compositor::add_scalar(const SheetWindow& window, const Pixel& pixel) {
     } else {
         value += view.rho(0);
     }
+}
+
+Vec3 Compositor::color_of(const View& view, const Vec3& own, double share) const {
+    const GroupRange range = colors_of(groups_, view.group);
+    Vec3 sum(0.0);
+    bool any = false;
+    for (std::size_t group = range.first; group < range.last; ++group) {
+        const View colors{view.window, view.pixel, group};
+        // Of a crossing, a field is empty where both ends are.
+        if (colors.reached(0) || (share > 0.0 && colors.reached(1))) {
+            const double rho = share > 0.0 ? (1.0 - share) * colors.rho(0) + share * colors.rho(1) : colors.rho(0);
+            sum += look_up(*groups_[group].transfer_function, rho + rho_shifts_[group]).color;
+            any = true;
+        }
+    }
+    return any ? sum : own;
+}
+
+Vec3 Compositor::color_of_interval(const View& view, const Vec3& own) const {
+    const GroupRange range = colors_of(groups_, view.group);
+    Vec3 sum(0.0);
+    bool any = false;
+    for (std::size_t group = range.first; group < range.last; ++group) {
+        const View colors{view.window, view.pixel, group};
+        if (colors.reached(0) || colors.reached(1)) {
+            sum += mean_over_ramp(*groups_[group].transfer_function, colors.rho(0) + rho_shifts_[group],
+                                  colors.rho(1) + rho_shifts_[group])
+                       .color;
+            any = true;
+        }
+    }
+    return any ? sum : own;
 }
 
 bool Compositor::kept(const SheetWindow& window, const Pixel& pixel, std::size_t ahead) const {

@@ -44,7 +44,12 @@ CountedScene::CountedScene(const Scene& scene) : scene_(scene) {
         TransferFunction& function =
             number == 0 ? scene_.transfer_function : scene_.later_groups[number - 1].transfer_function;
         function = counted_from(base, function);
-        iso_values_.push_back(scene.iso_values);
+        iso_values_.emplace_back();
+        if (group.use.role == GroupRole::label) {
+            iso_values_.back().emplace_back(0.0, function.points().back().opacity);
+        } else if (group.use.role == GroupRole::shown) {
+            iso_values_.back() = scene.iso_values;
+        }
         for (IsoValue& iso : iso_values_.back()) {
             iso.value -= base;
         }

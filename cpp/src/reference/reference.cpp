@@ -75,6 +75,13 @@ ZeroKernels zero_kernels(const CountedScene& counted, const Group& group, std::s
                          const std::vector<Nudge>& nudges) {
     const Scene& scene = counted.scene();
     const Field& field = *scene.fields[number];
+    if (is_label(group)) {
+        // Kernels are those of the label's own samples.
+        return ZeroKernels::left_out;
+    }
+    if (group.use.role == GroupRole::colors) {
+        return ZeroKernels::drawn;
+    }
     // Which points count matters less to an x-ray: those that do not could only add bases.
     const bool adds_base =
         std::any_of(scene.fields.begin(), scene.fields.end(), [](const auto& any) { return any->base() != 0.0; });
@@ -95,8 +102,9 @@ using GroupedSums = std::vector<std::vector<std::unique_ptr<FieldSums>>>;
 /// The last four sheets of each group, in the order of their slices.
 class RollingSheets {
   public:
-    RollingSheets(const Screen& screen, const Slices& slices, const GroupedSums& groups, const Sheet::Wanted& wanted)
-        : slices_(slices), groups_(groups), next_(slices.first - 2),
+    RollingSheets(const Screen& screen, const Slices& slices, const GroupedSums& groups,
+                  std::vector<GroupRange> label_sets, const Sheet::Wanted& wanted)
+        : slices_(slices), groups_(groups), label_sets_(std::move(label_sets)), next_(slices.first - 2),
           sheets_(sheets_in_window * groups.size(), Sheet(screen, wanted)), sums_(sheets_.front()) {}
 
     /// The window around slice n; asked for n from the slice before the first on, one after the other.
@@ -127,10 +135,18 @@ class RollingSheets {
                 }
             }
         }
+        for (const GroupRange& set : label_sets_) {
+            std::vector<Sheet*> sheets;
+            for (std::size_t group = set.first; group < set.last; ++group) {
+                sheets.push_back(&at(n, group));
+            }
+            compare_labels(sheets);
+        }
     }
 
     const Slices& slices_;
     const GroupedSums& groups_;
+    std::vector<GroupRange> label_sets_;
     std::int64_t next_;
     std::vector<Sheet> sheets_;
     SheetSums sums_;
@@ -180,7 +196,7 @@ std::vector<Picture> draw(const CountedScene& counted, const Camera& camera, Siz
         }
     };
     if (slices.count > 0) {
-        RollingSheets sheets(screen, slices, groups, wanted_of(scene, request));
+        RollingSheets sheets(screen, slices, groups, label_sets(groups_drawn(scene)), wanted_of(scene, request));
         for (std::int64_t n = slices.first - 1; n <= slices.last(); ++n) {
             const SheetWindow window = sheets.around(n);
             for (Compositor& compositor : compositors) {

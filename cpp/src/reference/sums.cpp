@@ -75,6 +75,33 @@ void SheetSums::clear() {
     std::fill(plateau.begin(), plateau.end(), std::numeric_limits<double>::quiet_NaN());
 }
 
+void compare_labels(const std::vector<Sheet*>& sheets) {
+    const std::size_t labels = sheets.size();
+    std::vector<double> own(labels);
+    std::vector<Vec3> slopes(labels);
+    const bool with_slopes = !sheets.front()->gradient.empty();
+    for (std::size_t at = 0; at < sheets.front()->rho.size(); ++at) {
+        for (std::size_t label = 0; label < labels; ++label) {
+            own[label] = sheets[label]->rho[at];
+            slopes[label] = with_slopes ? sheets[label]->gradient[at] : Vec3(0.0);
+        }
+        for (std::size_t label = 0; label < labels; ++label) {
+            double largest = 0.0;
+            Vec3 slope(0.0);
+            for (std::size_t other = 0; other < labels; ++other) {
+                if (other != label && own[other] > largest) {
+                    largest = own[other];
+                    slope = slopes[other];
+                }
+            }
+            sheets[label]->rho[at] = own[label] - largest;
+            if (with_slopes) {
+                sheets[label]->gradient[at] = slopes[label] - slope;
+            }
+        }
+    }
+}
+
 Normaliser::Normaliser(const Field& field, double radius_factor)
     : normalization_(field.normalization()), w0_(field.w0()), least_weight_(field.least_weight()),
       // C is the kernel's mass, which follows its radius; the filter keeps it.

@@ -16,7 +16,7 @@ namespace sheetsplat::reference {
 Surroundings::Surroundings(const CountedScene& counted, const Camera& camera, const Screen& screen,
                            const Clipping& clipping, double radius_factor)
     : counted_(counted), scene_(counted.scene()), clipping_(clipping), groups_(scene_.groups()),
-      spacing_(scene_.slice_distance()), lengths_(scene_.slice_distance() / scene_.reference_distance()) {
+      label_sets_(label_sets(groups_)), spacing_(scene_.slice_distance()), lengths_(scene_.slice_distance() / scene_.reference_distance()) {
     for (std::size_t group = 0; group < groups_.size(); ++group) {
         ends_.emplace_back(counted.end_of_group(group), camera, spacing_);
     }
@@ -75,8 +75,21 @@ Surroundings::Place Surroundings::look_at(const Vec3& point_eye, double nudge) c
             value.rho += one.rho;
             value.empty = value.empty && one.empty;
         }
-        value.rho += nudge * (group.transfer_function->v_max() - group.transfer_function->v_min());
         place.groups.push_back(value);
+    }
+    for (const GroupRange& set : label_sets_) {
+        const std::vector<GroupValue> own(place.groups.begin(), place.groups.end());
+        for (std::size_t label = set.first; label < set.last; ++label) {
+            double largest = 0.0;
+            for (std::size_t other = set.first; other < set.last; ++other) {
+                largest = other != label ? std::max(largest, own[other].rho) : largest;
+            }
+            place.groups[label].rho -= largest;
+        }
+    }
+    for (std::size_t number = 0; number < groups_.size(); ++number) {
+        const TransferFunction& function = *groups_[number].transfer_function;
+        place.groups[number].rho += nudge * (function.v_max() - function.v_min());
     }
     return place;
 }
@@ -85,7 +98,7 @@ double Surroundings::left_at(const Place& place) const {
     double left = 1.0;
     for (std::size_t group = 0; place.kept && group < groups_.size(); ++group) {
         const GroupValue& value = place.groups[group];
-        if (!value.empty && !value.ended) {
+        if (is_classified(groups_[group]) && !value.empty && !value.ended) {
             left *= 1.0 - opacity_over(look_up(*groups_[group].transfer_function, value.rho).opacity, lengths_);
         }
     }

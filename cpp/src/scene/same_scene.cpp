@@ -59,8 +59,8 @@ bool same(const Clip& a, const Clip& b) {
 static bool same_groups(const std::vector<Scene::LaterGroup>& a, const std::vector<Scene::LaterGroup>& b) {
     return std::equal(a.begin(), a.end(), b.begin(), b.end(),
                       [](const Scene::LaterGroup& one, const Scene::LaterGroup& other) {
-                          const auto& [first_field, transfer_function] = one;
-                          return first_field == other.first_field &&
+                          const auto& [first_field, transfer_function, use] = one;
+                          return first_field == other.first_field && use == other.use &&
                                  same(transfer_function.points(), other.transfer_function.points());
                       });
 }
@@ -72,11 +72,11 @@ static bool same(const std::vector<Light>& a, const std::vector<Light>& b) {
 
 bool same(const Scene& a, const Scene& b) {
 #define SHEETSPLAT_OPTION_NAME(type, name, ...) name,
-    const auto& [fields, transfer_function, later_groups, SHEETSPLAT_SCENE_OPTIONS(SHEETSPLAT_OPTION_NAME) depth_limit,
+    const auto& [fields, transfer_function, use, later_groups, SHEETSPLAT_SCENE_OPTIONS(SHEETSPLAT_OPTION_NAME) depth_limit,
                  counted, part] = a;
 #undef SHEETSPLAT_OPTION_NAME
     // Not the limit's depths: they belong to one camera, and settings chosen for one view serve others near it.
-    bool all = fields == b.fields && same(transfer_function.points(), b.transfer_function.points()) &&
+    bool all = fields == b.fields && use == b.use && same(transfer_function.points(), b.transfer_function.points()) &&
                same_groups(later_groups, b.later_groups) && depth_limit.has_value() == b.depth_limit.has_value() &&
                !counted && !b.counted && !part && !b.part;
 #define SHEETSPLAT_OPTION_SAME(type, name, ...) all = all && same(name, b.name);

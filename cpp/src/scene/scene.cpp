@@ -53,8 +53,39 @@ void require_length(const std::optional<double>& length, const char* option) {
     }
 }
 
+void check_uses(const Scene& scene) {
+    const std::vector<Group> groups = scene.groups();
+    for (std::size_t n = 0; n < groups.size(); ++n) {
+        const GroupRole role = groups[n].use.role;
+        if (role == GroupRole::shown) {
+            continue;
+        }
+        require(!is_scalar(scene.mode), "a group cannot be used",
+                (role == GroupRole::colors ? "colours of another field" : "labels") + (" with " + Words()) +
+                    option_ref("mode", name_of(scene.mode)),
+                option_ref("mode", "composite") + " or " + option_ref("mode", "isosurface"));
+        if (role == GroupRole::colors) {
+            const bool colors_something =
+                n > 0 && (groups[n - 1].use.role == GroupRole::shown || groups[n - 1].use.role == GroupRole::colors);
+            require(colors_something, "a group cannot be used", "colours in " + name_of_group(n),
+                    "the group that they belong to before it");
+            const std::vector<TransferPoint>& points = groups[n].transfer_function->points();
+            require(std::all_of(points.begin(), points.end(),
+                                [](const TransferPoint& point) { return point.opacity == 1.0; }),
+                    "a transfer function of colours cannot be used", "opacities other than 1", "1 at each point");
+        } else {
+            require(groups[n].last - groups[n].first == 1, "a group cannot be used",
+                    text_of_count(groups[n].last - groups[n].first) + " fields of one label", "one");
+        }
+    }
+}
+
 void check_iso_values(const Scene& scene) {
-    require(!shows_surfaces(scene.mode) || !scene.iso_values.empty(),
+    const std::vector<Group> groups = scene.groups();
+    const bool needed = shows_surfaces(scene.mode) &&
+                        std::any_of(groups.begin(), groups.end(),
+                                    [](const Group& group) { return group.use.role == GroupRole::shown; });
+    require(!needed || !scene.iso_values.empty(),
             option_ref("mode", "isosurface") + " needs a value", "no " + option_ref("iso_value"),
             "the value of the surface", "pass " + option_ref("iso_value", "..."));
     for (const IsoValue& iso : scene.iso_values) {
@@ -204,10 +235,10 @@ std::vector<Clip::Plane> Clip::half_spaces() const {
 }
 
 std::vector<Group> Scene::groups() const {
-    std::vector<Group> all{{0, fields.size(), &transfer_function}};
+    std::vector<Group> all{{0, fields.size(), &transfer_function, use}};
     for (const LaterGroup& later : later_groups) {
         all.back().last = later.first_field;
-        all.push_back({later.first_field, fields.size(), &later.transfer_function});
+        all.push_back({later.first_field, fields.size(), &later.transfer_function, later.use});
     }
     return all;
 }
@@ -221,6 +252,37 @@ std::vector<Group> groups_drawn(const Scene& scene) {
                                   : scene.groups();
 }
 
+namespace {
+
+/// What only gives colours does not say where slices lie.
+bool places_slices(const Group& group) { return group.use.role != GroupRole::colors; }
+
+} // namespace
+
+std::vector<GroupRange> label_sets(const std::vector<Group>& groups) {
+    std::vector<GroupRange> sets;
+    for (std::size_t n = 0; n < groups.size(); ++n) {
+        if (!is_label(groups[n])) {
+            continue;
+        }
+        const bool goes_on = !sets.empty() && sets.back().last == n && groups[n - 1].use.set == groups[n].use.set;
+        if (goes_on) {
+            sets.back().last = n + 1;
+        } else {
+            sets.push_back({n, n + 1});
+        }
+    }
+    return sets;
+}
+
+GroupRange colors_of(const std::vector<Group>& groups, std::size_t number) {
+    GroupRange range{number + 1, number + 1};
+    while (range.last < groups.size() && groups[range.last].use.role == GroupRole::colors) {
+        ++range.last;
+    }
+    return range;
+}
+
 bool has_window_of_one_value(const Group& group) {
     return group.transfer_function->v_min() == group.transfer_function->v_max();
 }
@@ -231,6 +293,13 @@ bool has_window_of_one_value(const Scene& scene) {
 }
 
 std::vector<IsoValue> iso_values_of(const Scene& scene, std::size_t group) {
+    const Group own = scene.groups()[group];
+    if (own.use.role != GroupRole::shown) {
+        // A label's surface lies where it is as large as the next one; colours and labels that are not shown have none.
+        return own.use.role == GroupRole::label
+                   ? std::vector<IsoValue>{{0.0, own.transfer_function->points().back().opacity}}
+                   : std::vector<IsoValue>{};
+    }
     std::vector<IsoValue> values = scene.iso_values;
     for (IsoValue& iso : values) {
         iso.value -= scene.counted ? scene.counted->bases[group] : 0.0;
@@ -298,10 +367,12 @@ void DepthLimit::require_for(Size picture, const Camera& camera) const {
 double Scene::default_slice_spacing() const {
     require_fields(fields);
     std::optional<double> smallest;
-    for (const auto& field : fields) {
-        if (field->size() != 0) {
-            const double own = field->default_slice_spacing();
-            smallest = smallest ? std::min(*smallest, own) : own;
+    for (const Group& group : groups()) {
+        for (std::size_t field = group.first; field < group.last && places_slices(group); ++field) {
+            if (fields[field]->size() != 0) {
+                const double own = fields[field]->default_slice_spacing();
+                smallest = smallest ? std::min(*smallest, own) : own;
+            }
         }
     }
     return smallest.value_or(1.0);
@@ -318,12 +389,13 @@ Box Scene::centres_world() const {
         return part->centres;
     }
     Box all;
-    for (const auto& field : fields) {
-        const Box box = field->centres_world();
-        if (box.empty()) {
-            continue;
+    for (const Group& group : groups()) {
+        for (std::size_t field = group.first; field < group.last && places_slices(group); ++field) {
+            const Box box = fields[field]->centres_world();
+            if (!box.empty()) {
+                all = all.empty() ? box : Box{glm::min(all.lower, box.lower), glm::max(all.upper, box.upper)};
+            }
         }
-        all = all.empty() ? box : Box{glm::min(all.lower, box.lower), glm::max(all.upper, box.upper)};
     }
     return all;
 }
@@ -331,6 +403,7 @@ Box Scene::centres_world() const {
 void Scene::validate() const {
     require_fields(fields);
     require_groups(*this);
+    check_uses(*this);
     require_length(slice_spacing, "slice_spacing");
     require_length(reference_length, "reference_length");
     check_iso_values(*this);

@@ -33,7 +33,8 @@ ShadingInputs::OfGroup inputs_of(const Scene& scene, const Group& group, const F
     ShadingInputs::OfGroup inputs;
     if (shows_surfaces(plan.mode)) {
         for (const IsoValue& iso : iso_values) {
-            inputs.surfaces.push_back({(iso.value - pivot) / unit, function.at(iso.value).color, iso.opacity});
+            const double value = is_label(group) ? just_above_labels : (iso.value - pivot) / unit;
+            inputs.surfaces.push_back({value, function.at(iso.value).color, iso.opacity});
         }
     }
     if (plan.gradient) {

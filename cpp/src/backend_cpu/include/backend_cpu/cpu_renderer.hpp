@@ -70,7 +70,7 @@ class CpuRenderer {
     /// slices that are points, unlit. What was sorted for pictures stays. Throws as render does.
     void absorb(const Job& job, int every, float* values);
     /// The same of rho over the plan's value_unit, a plane for each slice.
-    void sample(const Job& job, float* values);
+    void sample(const Job& job, std::size_t group, float* values);
 
   private:
     /// Draws into planes in place of a picture.

@@ -7,6 +7,7 @@
 #include "backend_cpu/surface_table.hpp"
 #include "backend_cpu/transfer_table.hpp"
 #include "facts/frame.hpp"
+#include "scene/mode_rules.hpp"
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/light_volume.hpp"
 #include "sheetsplat/scene.hpp"
@@ -43,6 +44,9 @@ struct GroupShading {
     double full_gradient = 1.0;              ///< g1
     T least_weight = 0, base = 0;            ///< ShadingInputs::OfGroup
     std::vector<KeptHalfSpace> kept;         ///< where its fields end, if other groups' do not end there
+    bool classified = true;                  ///< else its rho is there for other groups
+    bool counts = true;                      ///< its weights are part of the coverage
+    GroupRange colors;                       ///< the groups whose colours take the place of its own
 };
 
 /// How much of the light from somewhere reaches a point: a number between 0 and 1 in a LightVolume. The places of its

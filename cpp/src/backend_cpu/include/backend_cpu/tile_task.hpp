@@ -71,6 +71,7 @@ struct SliceRecord {
     std::size_t row = 0, plane = 0; ///< elements from row to row and from plane to plane
     std::int64_t planes = 0;
     std::int64_t every = 1; ///< slices of a plane; of rho 1
+    std::size_t group = 0;  ///< whose rho
 };
 
 /// The same for all tiles of a picture.
@@ -79,6 +80,7 @@ struct LoopSetup {
     const Shading<T>* shading = nullptr;
     std::vector<PartProfile<T>> parts;
     std::vector<GroupSheets<T>> groups;
+    std::vector<GroupRange> label_sets; ///< of these groups
     int channels = 0;
     bool slopes = false;                 ///< derivatives are summed beside values
     const SliceRecord* record = nullptr; ///< null: a picture is drawn

@@ -2,8 +2,10 @@
 // cannot matter (conventions, section 2).
 #pragma once
 
+#include <memory>
 #include <vector>
 
+#include "sheetsplat/field.hpp"
 #include "sheetsplat/transfer_function.hpp"
 
 namespace sheetsplat {
@@ -22,6 +24,9 @@ struct VisibilityQuery {
     /// transfer function is not used.
     bool isosurface = false;
     std::vector<double> iso_values;
+    /// Lattices of the same samples: unless there are none, only kernels matter that may share a visible point with a
+    /// sample of these that is not 0 (labels, conventions section 4).
+    std::vector<std::shared_ptr<const Field>> only_near;
     bool alone = true; ///< false: other fields add to this one, so that only kernels that add nothing can be dropped
     /// Values between slices are looked at too, on cubics through four slices (conventions, second order): up to
     /// 9/16 + 9/16 + 1/16 + 1/16 times as large as the largest absolute value there.

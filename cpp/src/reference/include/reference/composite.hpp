@@ -95,6 +95,10 @@ class Compositor {
     [[nodiscard]] Vec3 gradient_of_interval(const View& view) const;
     /// The factor of gradient opacity; 1 without it.
     [[nodiscard]] double gradient_share(const Vec3& gradient) const;
+    /// The colour of a group that takes it from others, so far behind slice n; its own where these are empty.
+    [[nodiscard]] Vec3 color_of(const View& view, const Vec3& own, double share) const;
+    /// The same over the interval behind slice n.
+    [[nodiscard]] Vec3 color_of_interval(const View& view, const Vec3& own) const;
     /// The colour of a group that is composited: lit, and faded with depth.
     [[nodiscard]] Vec3 shaded(const View& view, const Vec3& color, const Vec3& gradient, double depth) const;
     [[nodiscard]] double middle_of_interval(const SheetWindow& window) const;

@@ -51,6 +51,9 @@ struct SheetSums {
     std::vector<double> plateau;
 };
 
+/// Of sheets that hold the weights of labels, what each is above the largest other one (conventions, section 4).
+void compare_labels(const std::vector<Sheet*>& sheets);
+
 /// rho - b, and its gradient, of a field from its sums: one normalisation.
 class Normaliser {
   public:

@@ -10,6 +10,7 @@
 #include "reference/points.hpp"
 #include "reference/screen.hpp"
 #include "sheetsplat/camera.hpp"
+#include "scene/mode_rules.hpp"
 #include "sheetsplat/scene.hpp"
 
 namespace sheetsplat::reference {
@@ -52,6 +53,7 @@ class Surroundings {
     const Clipping& clipping_;
     std::vector<PointSums> fields_; ///< those of the scene
     std::vector<Group> groups_;
+    std::vector<GroupRange> label_sets_;
     std::vector<Clipping> ends_; ///< of the groups
     Box supports_eye_;
     double spacing_;

@@ -56,6 +56,32 @@ std::vector<Group> groups_drawn(const Scene& scene);
 /// Which of groups_drawn a field belongs to.
 std::size_t group_drawn_of(const Scene& scene, std::size_t field);
 
+/// [first, last) of a scene's groups.
+struct GroupRange {
+    std::size_t first = 0, last = 0;
+};
+/// Its transfer function, or its surfaces, are what a picture of colours shows.
+inline bool is_classified(const Group& group) {
+    return group.use.role == GroupRole::shown || group.use.role == GroupRole::label;
+}
+/// Its field is 1 at the samples of a label.
+inline bool is_label(const Group& group) {
+    return group.use.role == GroupRole::label || group.use.role == GroupRole::compared;
+}
+/// Mode composite: points of a sum of 0 show something, so that points that no kernel reaches must be told from them.
+/// (Labels are below 0 where none of their kernels reaches.)
+inline bool shows_at_base(const Group& group) {
+    return group.use.role == GroupRole::shown && !group.transfer_function->transparent_over(0.0, 0.0);
+}
+/// In place of the value 0 of a label's surface: where numbers are 0 there is none.
+constexpr double just_above_labels = 1e-30;
+/// Its kernels are drawn for what other groups need of them, whatever its own transfer function says.
+inline bool serves_others(const Group& group) { return group.use.role != GroupRole::shown; }
+/// The sets of labels, each of groups that are compared with each other.
+std::vector<GroupRange> label_sets(const std::vector<Group>& groups);
+/// The groups whose colours take the place of those of a group.
+GroupRange colors_of(const std::vector<Group>& groups, std::size_t number);
+
 /// A transfer function has one value: gradients below a share of the window are shaded as weaker ones (conventions,
 /// section 5), and there none is.
 bool has_window_of_one_value(const Group& group);

@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from sheetsplat.fields import RegularField as RegularField
     from sheetsplat.image import ErrorEstimate as ErrorEstimate
     from sheetsplat.image import Image as Image
+    from sheetsplat.labels import LabelColors as LabelColors
     from sheetsplat.light import Light as Light
     from sheetsplat.light import Material as Material
     from sheetsplat.notices import PictureWarning as PictureWarning
@@ -97,6 +98,7 @@ __all__ = [
     "FieldRecipe",
     "Image",
     "InvalidInput",
+    "LabelColors",
     "Light",
     "Material",
     "Orientation",
@@ -150,6 +152,7 @@ _HOMES = {
     "errors": ("Cancelled", "DeviceUnavailable", "Error", "InvalidInput", "OutOfMemory", "Unsupported"),
     "fields": ("BrickedField", "BrickedKernels", "EllipsoidField", "RegularField"),
     "image": ("ErrorEstimate", "Image"),
+    "labels": ("LabelColors",),
     "light": ("Light", "Material"),
     "notices": ("PictureWarning",),
     "orientation": ("Orientation",),

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import Bounds, Triple
 from sheetsplat.errors import Unsupported, complain, option_ref, unusable
-from sheetsplat.fields import BrickedKernels, Field, as_fields, default_spacing, joined_bounds
+from sheetsplat.fields import BrickedKernels, Field, RegularField, as_fields, default_spacing, joined_bounds
+from sheetsplat.labels import groups_of
 from sheetsplat.light import Light, Material
 from sheetsplat.look.weighted import SUMS, is_weighted, sums_of
 from sheetsplat.modes import TRAITS
@@ -163,10 +164,25 @@ class Scene:
         if any(isinstance(one, BrickedKernels) for one in self.fields):
             # The native field of kernels in bricks is a sample, which would have slices farther apart.
             native |= {"slice_spacing": self.slice_spacing, "reference_length": self.reference_length}
-        return _sheetsplat.Scene(
-            [([one.native for one in fields], function.native, "shown", 0) for fields, function in self._groups],
-            **native,
-        )
+        return _sheetsplat.Scene(self._native_groups(), **native)
+
+    def _native_groups(self) -> list[tuple[Any, Any, str, int]]:
+        """Return fields, transfer function, role, and number of the set of labels of each native group."""
+        made: list[tuple[Any, Any, str, int]] = []
+        for number, (fields, function) in enumerate(self._groups):
+            labels = [one for one in fields if isinstance(one, RegularField) and one.labels]
+            if not labels:
+                made.append(([one.native for one in fields], function.native, "shown", number))
+                continue
+            if len(fields) > 1:
+                raise complain(
+                    "Scene: labels cannot be added up",
+                    f"{len(fields)} fields in one group, one of them of labels",
+                    "a field of labels in a group of its own",
+                    "Scene([volume, labels], [tf, LabelColors(...)])",
+                )
+            made += [(*group, number) for group in groups_of(labels[0], function)]
+        return made
 
     @property
     def sums(self) -> tuple[Scene, Scene] | None:

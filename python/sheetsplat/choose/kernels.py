@@ -40,6 +40,8 @@ def with_kernel(field: Made, asked: Asked, *, made: bool, mode: object = None) -
     """
     if not isinstance(field, RegularField):
         return in_sums(field, mode)
+    if field.labels:
+        return field, (Decision("labels", True, "samples name things, which are not mixed", "data"),)
     if made and field.settled:
         return field, (Decision("prefilter", field.prefilter, "as the field has it", "caller"),)
     wanted, shown = asked.level.kernel, cast(RegularField, field)

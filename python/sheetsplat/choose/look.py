@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
-from typing import Any, Unpack
+from typing import Any, TypeGuard, Unpack
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from sheetsplat.choose.slices import spacing_of_data
 from sheetsplat.effects import AmbientOcclusion
 from sheetsplat.errors import complain, option_ref, option_refs
 from sheetsplat.fields import EllipsoidField, Field, RegularField, joined_bounds
+from sheetsplat.labels import LabelColors
 from sheetsplat.light import Light, Material
 from sheetsplat.look import automatic
 from sheetsplat.look.histogram import Look
@@ -64,12 +65,22 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
     check_names("render", options, LookOptions)
     given = pick_given(SceneOptions, options)
     mode = given.get("mode", MODES[0])
-    chosen = cache(partial(automatic.choose, fields))
-    if mode in SURFACES:
+    named = [one for one in fields if is_labelled(one)]
+    measures = [one for one in fields if not is_labelled(one)]
+    chosen = cache(partial(automatic.choose, measures))
+    if mode in SURFACES and (measures or not named):
         # An iterator can be read once.
         iso = given.get("iso_value")
         given["iso_value"] = chosen().surface if iso is None else iso_value_of("render: iso_value", iso)
-    function, look = _transfer_function(fields, mode, given.get("iso_value"), options, chosen)
+    shown: Any = list(fields)
+    function: Any
+    if named and options.get("transfer_function") is None:
+        function, look = [LabelColors.distinct(one.labels_found) for one in named], None
+        if measures:
+            own, look = _transfer_function(measures, mode, given.get("iso_value"), options, chosen)
+            function, shown = [own, *function], [measures, *named]
+    else:
+        function, look = _transfer_function(fields, mode, given.get("iso_value"), options, chosen)
     chooses_spacing = not spacing_is_free and "slice_spacing" not in given
     if chooses_spacing:
         measured = [sums_of(one)[1] if is_weighted(one, mode) else one for one in fields]
@@ -84,7 +95,7 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
     given.setdefault("material", SHINY)
     if given.get("ambient_occlusion") is True:
         given["ambient_occlusion"] = AmbientOcclusion(_surroundings(fields))
-    scene = Scene.sketched(list(fields), function, given)
+    scene = Scene.sketched(shown, function, given)
     if chooses_spacing:
         _warn_of_strays(scene)
     if all(options.get(name) is None for name in _SAY_WHAT_IS_MEANT):
@@ -95,9 +106,14 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
     return scene
 
 
+def is_labelled(field: Field) -> TypeGuard[RegularField]:
+    """Return whether a field's samples name things."""
+    return isinstance(field, RegularField) and field.labels
+
+
 def _warn_of_one_value(scene: Scene) -> None:
     """Warn of volumes whose samples are all equal: there is nothing to choose a look by."""
-    volumes = [one for one in scene.fields if one.size]
+    volumes = [one for one in scene.fields if one.size and not is_labelled(one)]
     # X-rays show how thick a volume is.
     if TRAITS[scene.mode].integrates or not volumes or not all(isinstance(one, RegularField) for one in volumes):
         return

@@ -13,7 +13,7 @@ from sheetsplat import _memory, _sheetsplat
 from sheetsplat._checks import Bounds, Triple, Vector, as_array, choice, number, optional_number, triple, truth
 from sheetsplat._properties import Forwarded
 from sheetsplat.errors import complain
-from sheetsplat.fields import ending
+from sheetsplat.fields import ending, labelled
 from sheetsplat.fields.base import NOT_OPENED, Field, NanPolicy, Normalization
 from sheetsplat.fields.samples import ArraySamples, Samples
 from sheetsplat.fields.trim import Trim
@@ -31,7 +31,7 @@ PLAIN_KERNEL = (2.0, 5.0)
 # All that a field is made of, beside its samples and coefficients.
 PARTS = (
     *("_spacing", "_origin", "_lattice", "_radius", "_falloff", "_normalization", "_w0", "_nan", "_settled"),
-    *("_boundary", "_base", "_axes"),
+    *("_boundary", "_base", "_axes", "_labels"),
 )
 # Lattices are the same where no sample lies farther from its like, in the shortest step.
 _ALIKE = 1e-3
@@ -141,68 +141,74 @@ def _axes_of(axes: ArrayLike, spacing: Vector | None) -> tuple[Triple, Triple, T
 class RegularField(Field):
     """A Cartesian or body-centred cubic volume. Immutable.
 
-    Sample (i, j, k) of ``values[k, j, i]`` is a kernel at ``origin + (i dx, j dy, k dz)`` (Cartesian) or at
-    ``origin + ((i + (k mod 2)/2) a, (j + (k mod 2)/2) a, k a/2)`` (BCC). Conventions, section 2 (Fields).
+       Sample (i, j, k) of ``values[k, j, i]`` is a kernel at ``origin + (i dx, j dy, k dz)`` (Cartesian) or at
+       ``origin + ((i + (k mod 2)/2) a, (j + (k mod 2)/2) a, k a/2)`` (BCC). Conventions, section 2 (Fields).
 
-    Parameters
-    ----------
-    values
-        Array of shape (nk, nj, ni), anything that NumPy can read. uint8, int16, uint16, float32 and float64 are kept as
-        they are; other real types are converted to one of these without loss; masked entries count as NaN.
-    spacing
-        World units between samples along x, y, z; for ``lattice="bcc"`` its first entry is the edge a.
-    origin
-        World position of sample (0, 0, 0).
-    axes
-        (3, 3), in place of `spacing`: rows are the steps of i, j and k in the world, three directions that are not
-        coplanar, of a Cartesian lattice. Sample (i, j, k) is at ``origin + (i, j, k) @ axes``, kernels are spheres in
-        index space, and `spacing` is the length of each step.
-    lattice
-        "cartesian" or "bcc".
-    radius
-        Radius of a kernel's support in sample distances (BCC: of a/√2); unequal spacing: per axis.
-    falloff
-        k of the kernel (exp(−k r²) − exp(−k)) / (1 − exp(−k)).
-    normalization
-        How sums become the scalar, offset by `base`: "none" (D), "lattice" (D/C) or "threshold" (D / max(w0, W)).
-    w0
-        Threshold of "threshold", > 0.
-    prefilter
-        Give the kernels coefficients in place of the samples, so that their sum passes through every sample;
-        `normalization` is then "none". The field keeps the coefficients beside the samples, in float32 or float64; 4
-        bytes a sample more are needed while they are computed. The kernel must be narrow enough to resolve the samples:
-        (radius, falloff) = (2, 5), (2.5, 7) and (3, 8) are; (2.5, 7) is the best. None: the field has plain sums, and
-        `sheetsplat.render` shows it with the kernels of its quality, as it shows an array; False: the field is shown
-        with plain sums at every quality.
-    nan
-        What a NaN sample is: "error", or "skip" for a missing sample, which has no kernel.
-    boundary
-        What lies beyond the outermost samples. "edge": the samples are mirrored there, and the field ends half a sample
-        distance beyond the outermost ones (`domain`); pictures are empty outside. "zero": nothing, and the field falls
-        to `base` within a kernel's radius ([NM05]). A BCC lattice of one layer counts as "zero".
-    base
-        The value that all values are offset by; the scalar where no kernel reaches. Unless given, 0 with the
-        boundary "zero" and with the normalisation "none"; else the value of the first sample that is not missing, if at
-        least one sample in a hundred has it, else the middle between the least and the largest.
+       Parameters
+       ----------
+       values
+           Array of shape (nk, nj, ni), anything that NumPy can read. uint8, int16, uint16, float32 and float64 are kept as
+           they are; other real types are converted to one of these without loss; masked entries count as NaN.
+       spacing
+           World units between samples along x, y, z; for ``lattice="bcc"`` its first entry is the edge a.
+       origin
+           World position of sample (0, 0, 0).
+       axes
+           (3, 3), in place of `spacing`: rows are the steps of i, j and k in the world, three directions that are not
+           coplanar, of a Cartesian lattice. Sample (i, j, k) is at ``origin + (i, j, k) @ axes``, kernels are spheres in
+           index space, and `spacing` is the length of each step.
+       labels
+           The samples are whole numbers that name things and are never mixed: pictures show which label weighs most at a
+           point, in the colours of a `LabelColors`. `normalization`, `prefilter` and `base` stay as they are.
+       lattice
+    or "bcc".
+       radius
+           Radius of a kernel's support in sample distances (BCC: of a/√2); unequal spacing: per axis.
+       falloff
+           k of the kernel (exp(−k r²) − exp(−k)) / (1 − exp(−k)).
+       normalization
+           How sums become the scalar, offset by `base`: "none" (D), "lattice" (D/C) or "threshold" (D / max(w0, W)).
+       w0
+           Threshold of "threshold", > 0.
+       prefilter
+           Give the kernels coefficients in place of the samples, so that their sum passes through every sample;
+           `normalization` is then "none". The field keeps the coefficients beside the samples, in float32 or float64; 4
+           bytes a sample more are needed while they are computed. The kernel must be narrow enough to resolve the samples:
+           (radius, falloff) = (2, 5), (2.5, 7) and (3, 8) are; (2.5, 7) is the best. None: the field has plain sums, and
+           `sheetsplat.render` shows it with the kernels of its quality, as it shows an array; False: the field is shown
+           with plain sums at every quality.
+       nan
+           What a NaN sample is: "error", or "skip" for a missing sample, which has no kernel.
+       boundary
+           What lies beyond the outermost samples. "edge": the samples are mirrored there, and the field ends half a sample
+           distance beyond the outermost ones (`domain`); pictures are empty outside. "zero": nothing, and the field falls
+           to `base` within a kernel's radius ([NM05]). A BCC lattice of one layer counts as "zero".
+       base
+           The value that all values are offset by; the scalar where no kernel reaches. Unless given, 0 with the
+           boundary "zero" and with the normalisation "none"; else the value of the first sample that is not missing, if at
+           least one sample in a hundred has it, else the middle between the least and the largest.
 
-    Raises
-    ------
-    InvalidInput
-        For empty arrays, other than three axes, other than real numbers, NaN (unless skipped), infinities, a base that
-        is not finite, for axes that are coplanar or given beside `spacing` or for a BCC lattice, and for spacing,
-        radius, falloff or w0 that are not positive; with `prefilter` for normalisation
-        "threshold", for any NaN, and for kernels whose sums lose the samples.
-    OutOfMemory
-        Where the copy of the samples does not fit, or what `prefilter` needs.
+       Raises
+       ------
+       InvalidInput
+           For empty arrays, other than three axes, other than real numbers, NaN (unless skipped), infinities, a base that
+           is not finite, for axes that are coplanar or given beside `spacing` or for a BCC lattice, and for spacing,
+           radius, falloff or w0 that are not positive; with `prefilter` for normalisation
+           "threshold", for any NaN, and for kernels whose sums lose the samples.
+       OutOfMemory
+           Where the copy of the samples does not fit, or what `prefilter` needs.
 
-    Examples
-    --------
-    >>> field = ss.RegularField(np.ones((4, 5, 6)), spacing=(0.5, 0.5, 2.0))  # 6 samples along x, 4 along z
-    >>> field.size, field.spacing
-    (120, (0.5, 0.5, 2.0))
+       Examples
+       --------
+       >>> field = ss.RegularField(np.ones((4, 5, 6)), spacing=(0.5, 0.5, 2.0))  # 6 samples along x, 4 along z
+       >>> field.size, field.spacing
+       (120, (0.5, 0.5, 2.0))
     """
 
-    __slots__ = ("_axes", "_base", "_boundary", "_lattice", "_nan", "_origin", "_radius", "_settled", "_spacing")
+    __slots__ = (
+        *("_axes", "_base", "_boundary", "_label_parts", "_labels", "_lattice", "_nan", "_origin", "_radius"),
+        *("_settled", "_spacing"),
+    )
     native: _sheetsplat.RegularField
 
     def __init__(
@@ -221,6 +227,7 @@ class RegularField(Field):
         boundary: Boundary = "edge",
         base: float | None = None,
         axes: ArrayLike | None = None,
+        labels: bool = False,
     ) -> None:
         self._quantity, self._opened, self._orientation, self._trim = Quantity(), NOT_OPENED, None, Trim()
         self._weighting = None
@@ -235,11 +242,16 @@ class RegularField(Field):
         self._boundary = choice("RegularField: boundary", boundary, BOUNDARIES)
         self._base = optional_number("RegularField: base", base)
         self._settled = prefilter is not None
+        self._labels, self._label_parts = truth("RegularField: labels", labels), {}
         wanted = prefilter is not None and truth("RegularField: prefilter", prefilter)
         if wanted and self._normalization == "none":
             # That of the coefficients: the base is the one of the samples.
             self._normalization = "lattice"
-        self.native = self._made(as_samples(values, contiguous=False), prefilter=wanted)
+        samples = as_samples(values, contiguous=False)
+        if self._labels:
+            mixing: Any = {"prefilter": (wanted, False), "normalization": (self._normalization, "lattice")}
+            labelled.require_labels(samples, **mixing, base=(self._base or 0.0, 0.0))
+        self.native = self._made(samples, prefilter=wanted)
         if self.prefilter:
             self._normalization = "none"
 
@@ -293,6 +305,7 @@ class RegularField(Field):
         }
 
     def _restore(self, parts: dict[str, Any]) -> None:
+        self._label_parts = {}
         for name in PARTS:
             setattr(self, name, parts[name])
         self.native = self._made(
@@ -446,6 +459,30 @@ class RegularField(Field):
     axes = Forwarded[tuple[Triple, Triple, Triple] | None](
         "_axes", "Steps of i, j and k in the world, where they were given in place of the spacing."
     )
+    labels = Forwarded[bool]("_labels", "Whether samples are whole numbers that name things, which are never mixed.")
+
+    @property
+    def labels_found(self) -> tuple[int, ...]:
+        """The labels among the samples, from the least one on. InvalidInput for more than are told apart."""
+        if "found" not in self._label_parts:
+            self._label_parts["found"] = labelled.labels_in(self.values)
+        found: tuple[int, ...] = self._label_parts["found"]
+        return found
+
+    def part_of_label(self, label: int) -> _sheetsplat.RegularField:
+        """Return the native field that is 1 at the samples of a label and 0 elsewhere, made once.
+
+        Raises
+        ------
+        OutOfMemory
+            Where it does not fit.
+        """
+        if label not in self._label_parts:
+            _memory.require(2 * self.values.size, f"the volume of label {label}")
+            self._label_parts[label] = self._made((self.values == label).astype(np.uint8), base=0.0)
+        made: _sheetsplat.RegularField = self._label_parts[label]
+        return made
+
     origin = Forwarded[Triple]("_origin", "World position of sample (0, 0, 0).")
     lattice = Forwarded[str]("_lattice", 'Either "cartesian" or "bcc".')
     radius = Forwarded[float]("_radius", "Radius of a kernel's support, in sample distances.")

@@ -51,6 +51,8 @@ def in_decades(fields: Sequence[Field], look: Mapping[str, Any], log: Any) -> li
         What `log_base` and `itself` raise.
     """
     same = list(fields)
+    if any(isinstance(one, RegularField) and one.labels for one in same):
+        return same
     mode = look.get("mode", MODES[0])
     if _adds(mode):
         return [itself(one) for one in same]

@@ -76,7 +76,7 @@ class _Rays:
 
 def can_be_estimated(scene: Scene) -> bool:
     """Return whether the error of a scene's slices is that of the light in a volume."""
-    volumes = all(isinstance(one, RegularField) and one.size for one in scene.fields)
+    volumes = all(isinstance(one, RegularField) and one.size and not one.labels for one in scene.fields)
     lit = TRAITS[scene.mode].is_composited and len(scene.groups) == 1 and bool(scene.lights)
     return volumes and lit and all(not isinstance(one, BrickedField) or one.can_be_probed for one in scene.fields)
 

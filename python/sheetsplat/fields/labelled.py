@@ -1,0 +1,82 @@
+"""Volumes of labels, whole numbers that name things: which there are, and the volume of each. Conventions, section 4."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sheetsplat import _memory
+from sheetsplat.errors import complain, option_ref
+
+#: Most labels that are told apart in one field.
+MOST_LABELS = 256
+
+
+def require_labels(values: NDArray[Any], **options: Any) -> None:
+    """Raise InvalidInput for samples that are no labels, and for options that mix them."""
+    if values.dtype.kind == "f" and not np.array_equal(values, np.round(values), equal_nan=True):
+        wrong = values[values != np.round(values)]
+        found = f"{float(wrong[~np.isnan(wrong)][0]):g}"
+        raise complain("RegularField: labels cannot be used", found, "whole numbers", "leave out labels=True")
+    for name, (value, plain) in options.items():
+        if value != plain:
+            raise complain(
+                "RegularField: labels cannot be used",
+                option_ref(name, str(value)),
+                f"{name} as it is unless given: labels are not added up",
+                "leave it out",
+                option=name,
+            )
+
+
+def labels_in(values: NDArray[Any]) -> tuple[int, ...]:
+    """Return the labels among samples, from the least one on. InvalidInput for more than are told apart."""
+    if values.dtype.kind in "ui" and values.dtype.itemsize <= 2:
+        least = int(np.iinfo(values.dtype).min)
+        counts = np.zeros(2 ** (8 * values.dtype.itemsize), np.int64)
+        for layer in values:
+            counts += np.bincount(layer.ravel().astype(np.int64) - least, minlength=len(counts))
+        found = np.flatnonzero(counts) + least
+    else:
+        _memory.require(2 * values.nbytes, "the labels of a volume")
+        found = np.unique(values[~np.isnan(values)] if values.dtype.kind == "f" else values)
+    if len(found) > MOST_LABELS:
+        raise complain(
+            "labels cannot be told apart",
+            f"{len(found)} labels",
+            f"at most {MOST_LABELS}",
+            "merge labels, cut out a part of the volume, or pass " + option_ref("labels", "false"),
+            option="labels",
+        )
+    return tuple(int(one) for one in found)
+
+
+def look_like_labels(values: NDArray[Any]) -> bool:
+    """Return whether samples are labels by all that can be seen: few whole numbers between which there is nothing.
+
+    These are regions of one number each, beside which others lie that are not the next ones: what is measured goes
+    through the numbers between.
+    """
+    seen = values[:: max(1, values.shape[0] // _LAYERS)]
+    whole = seen.dtype.kind in "ui" or bool(np.array_equal(seen, np.round(seen)))
+    if not whole or not seen.size or float(np.max(seen)) - float(np.min(seen)) > _WIDEST:
+        return False
+    found, ranks = np.unique(seen, return_inverse=True)
+    if not _LEAST_KINDS <= len(found) <= _MOST_KINDS:
+        return False
+    ranks = ranks.reshape(seen.shape)
+    steps = np.concatenate([np.abs(np.diff(ranks, axis=axis)).ravel() for axis in (1, 2)])
+    apart = steps > 0
+    if not apart.any():
+        return False
+    return bool(apart.mean() <= _MOST_BORDERS and (steps[apart] > 1).mean() >= _LEAST_JUMPS)
+
+
+# Layers of a volume that are looked at; few and many labels; what float64 and a table hold.
+_LAYERS = 64
+_LEAST_KINDS, _MOST_KINDS = 3, 64
+_WIDEST = 2.0**24
+# Of neighbouring samples, the share that differ, and of these the share with a number between them that occurs.
+_MOST_BORDERS, _LEAST_JUMPS = 0.2, 0.2

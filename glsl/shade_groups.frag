@@ -13,8 +13,10 @@
 #define SELECT(number)
 #endif
 
-#ifdef CLASSIFY
+#if defined(CLASSIFY) || defined(SERVING)
 #include "lib/transfer.glsl"
+#endif
+#ifdef CLASSIFY
 #include "lib/opacity.glsl"
 uniform float exponent;         // slice spacing over reference length
 #endif
@@ -51,6 +53,33 @@ uniform float least_weights[ALL_GROUPS]; // points of a group with less are empt
 #define REACHED(n) (w[n] != 0.0)
 #else
 #define REACHED(n) true
+#endif
+#ifdef SERVING
+uniform int classified[ALL_GROUPS]; // 0: the group is there for others
+uniform int counted[ALL_GROUPS];    // 0: its weights are no part of the coverage
+uniform ivec2 colors[ALL_GROUPS];   // the groups whose colours take the place of its own, from the first to the one behind the last
+#define CLASSIFIED(g) (classified[g] != 0)
+#define COUNTED(g) (counted[g] != 0)
+#else
+#define CLASSIFIED(g) true
+#define COUNTED(g) true
+#endif
+#ifdef SERVING
+// Puts the sum of the colours that other groups have in slab c in the place of a group's own, where any is not empty.
+#define RECOLOR(color, of, reached, looks, c) \
+    { \
+        vec3 sum = vec3(0.0); \
+        bool any = false; \
+        for (int giver = colors[of].x; giver < colors[of].y; ++giver) { \
+            SELECT(giver); \
+            int other = giver * SLABS + c; \
+            if (reached) { \
+                sum += looks; \
+                any = true; \
+            } \
+        } \
+        color = any ? sum : color; \
+    }
 #endif
 #ifdef STOP
 uniform float opacity_stop;
@@ -145,6 +174,9 @@ void main() {
 #endif
         float weight = 0.0;
         for (int n = c; n < ALL_GROUPS * SLABS; n += SLABS) {
+            if (!COUNTED(n / SLABS)) {
+                continue;
+            }
 #ifdef CUT
             weight += kept[n] ? w[n] : 0.0;
 #else
@@ -264,7 +296,12 @@ void main() {
                 depth = first_depth + (float(c) + place) * slice_spacing;
             }
 #endif
-            result += vec4(SEEN(iso_colors[next].rgb, float(c) + place) * share, share);
+            vec3 color = iso_colors[next].rgb;
+#ifdef SERVING
+            RECOLOR(color, next / VALUES, REACHED(other) || REACHED(other + 1), transfer(mix(rho[other], rho[other + 1], place)).rgb, c)
+            SELECT(next / VALUES);
+#endif
+            result += vec4(SEEN(color, float(c) + place) * share, share);
         }
     }
 #else
@@ -288,13 +325,16 @@ void main() {
         for (int g = 0; g < ALL_GROUPS; ++g) {
             SELECT(g);
             int n = g * SLABS + c;
+            if (!CLASSIFIED(g)) {
+                continue;
+            }
 #ifdef PREINTEGRATION
             bool reached = REACHED(n) || REACHED(n + 1);
 #ifdef GRADIENT
             vec3 normal_gradient = 0.5 * (gradient[n] + gradient[n + 1]);
 #endif
-            vec4 classified = ramp(rho[n], rho[n + 1]);
-            float tau = classified.a;
+            vec4 looks = ramp(rho[n], rho[n + 1]);
+            float tau = looks.a;
 #ifdef GRADIENT_OPACITY
             tau *= min(length(normal_gradient) / full_gradient, 1.0);
 #endif
@@ -303,12 +343,12 @@ void main() {
 #ifdef GRADIENT
             vec3 normal_gradient = gradient[n];
 #endif
-            vec4 classified = transfer(rho[n]);
+            vec4 looks = transfer(rho[n]);
 #ifdef GRADIENT_OPACITY
-            classified.a *= min(length(normal_gradient) / full_gradient, 1.0);
+            looks.a *= min(length(normal_gradient) / full_gradient, 1.0);
 #endif
-            float tau = absorption(min(classified.a, 1.0 - clearest));
-            opaque = opaque || (reached && classified.a >= 1.0);
+            float tau = absorption(min(looks.a, 1.0 - clearest));
+            opaque = opaque || (reached && looks.a >= 1.0);
 #endif
             if (!reached || tau == 0.0) {
                 continue;
@@ -317,7 +357,15 @@ void main() {
             largest_error = max(largest_error, normal_error(normal_gradient, gradient_error(middle)));
 #endif
             absorbed += tau * exponent * slant;
-            mixed += tau * vec4(SEEN(classified.rgb, middle), 1.0);
+#ifdef SERVING
+#ifdef PREINTEGRATION
+            RECOLOR(looks.rgb, g, REACHED(other) || REACHED(other + 1), ramp(rho[other], rho[other + 1]).rgb, c)
+#else
+            RECOLOR(looks.rgb, g, REACHED(other), transfer(rho[other]).rgb, c)
+#endif
+            SELECT(g);
+#endif
+            mixed += tau * vec4(SEEN(looks.rgb, middle), 1.0);
         }
         float alpha = opaque ? 1.0 : opacity_of_absorption(absorbed);
         if (alpha == 0.0) {

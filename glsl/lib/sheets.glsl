@@ -71,11 +71,32 @@ vec4 normalized(vec4 d, ivec2 at, bool of_front) {
 #endif
 }
 
+#ifdef LABELS
+uniform ivec2 label_sets[GROUPS]; // the set of labels of each group, from the first to the one behind the last; empty: of none
+
+// Of four slabs that hold the weight of a label, what it is above the largest other one; below 0 where it has none.
+vec4 above_others(SHEET sheet, ivec2 at, vec4 own) {
+    ivec2 set = label_sets[group];
+    if (set.x == set.y) {
+        return own;
+    }
+    vec4 largest = vec4(0.0);
+    for (int other = set.x; other < set.y; ++other) {
+        largest = other != group ? max(largest, texelFetch(sheet, ivec3(at, other), 0)) : largest;
+    }
+    vec4 above = own - largest;
+    return mix(min(above, vec4(-1e-12)), above, greaterThan(own, vec4(0.0)));
+}
+#define COMPARED(sheet, at, own) above_others(sheet, at, own)
+#else
+#define COMPARED(sheet, at, own) own
+#endif
+
 // rho of the slabs at a pixel
 void rho_at(ivec2 at, out float rho[SLABS]) {
-    vec4 front = normalized(SHEET_TEXEL(sheet_front_texture, at), at, true);
+    vec4 front = COMPARED(sheet_front_texture, at, normalized(SHEET_TEXEL(sheet_front_texture, at), at, true));
 #if SLABS == 8
-    vec4 back = normalized(SHEET_TEXEL(sheet_back_texture, at), at, false);
+    vec4 back = COMPARED(sheet_back_texture, at, normalized(SHEET_TEXEL(sheet_back_texture, at), at, false));
 #else
     vec4 back = front;
 #endif

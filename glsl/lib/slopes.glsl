@@ -73,6 +73,35 @@ void slopes_at(ivec2 at, float rho[SLABS], out vec3 change[SLABS]) {
     for (int c = 1; c < SLABS - 1; ++c) {
         change[c] = vec3(across[c], upwards[c], along[c]);
     }
+#ifdef LABELS
+    // Less those of the largest other label.
+    int own = group;
+    ivec2 set = label_sets[own];
+    float largest[SLABS];
+    vec3 rival[SLABS];
+    for (int c = 0; c < SLABS; ++c) {
+        largest[c] = 0.0;
+        rival[c] = vec3(0.0);
+    }
+    for (int other = set.x; other < set.y; ++other) {
+        group = other;
+        float weight[SLABS];
+        FETCH(weight, sheet, at)
+        FETCH(across, x, at)
+        FETCH(upwards, y, at)
+        FETCH(along, z, at)
+        for (int c = 0; c < SLABS; ++c) {
+            if (other != own && weight[c] > largest[c]) {
+                largest[c] = weight[c];
+                rival[c] = vec3(across[c], upwards[c], along[c]);
+            }
+        }
+    }
+    group = own;
+    for (int c = 1; c < SLABS - 1; ++c) {
+        change[c] -= rival[c];
+    }
+#endif
 #else
 #ifdef FINE_XY
     float across[SLABS];

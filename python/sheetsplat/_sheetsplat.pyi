@@ -155,7 +155,7 @@ class AmbientOcclusion:
 class Scene:
     def __init__(
         self,
-        groups: Sequence[tuple[Sequence[Field], TransferFunction]],
+        groups: Sequence[tuple[Sequence[Field], TransferFunction, str, int]],
         **options: Any,
     ) -> None: ...
     def with_depth_limit(self, depths: NDArray[np.float64]) -> Scene: ...

@@ -31,16 +31,18 @@ from sheetsplat.camera import Camera
 from sheetsplat.choose.asked import Asked
 from sheetsplat.choose.decisions import Decisions
 from sheetsplat.choose.kernels import with_own_kernel
-from sheetsplat.choose.look import suggested_look
+from sheetsplat.choose.look import is_labelled, suggested_look
 from sheetsplat.choose.picture import choose, kept
 from sheetsplat.errors import InvalidInput, Unsupported, complain, option_ref, option_refs, unusable
 from sheetsplat.fields import EllipsoidField, Field, RegularField, any_in_bricks
+from sheetsplat.fields.labelled import with_labels
 from sheetsplat.image import Image
+from sheetsplat.labels import LabelColors
 from sheetsplat.look.decades import in_decades
 from sheetsplat.notices import warn
 from sheetsplat.options.bricks import cluster_of
 from sheetsplat.options.camera import CameraOptions
-from sheetsplat.options.core import MODES, check_names, documented, filled, pick, pick_given
+from sheetsplat.options.core import MODES, SCALAR, check_names, documented, filled, pick, pick_given
 from sheetsplat.options.data import FileOptions, OpenOptions
 from sheetsplat.options.picture import LookOptions, RenderOptions, unused
 from sheetsplat.options.renderer import OUTPUTS, Output, Progress, RendererOptions
@@ -176,7 +178,7 @@ def _of_array(owner: str, data: Any, given: dict[str, Any]) -> Any:
     log = given.pop("log", None)
     for name in pick(FileOptions, given):
         raise complain(unusable(f"{owner}: {name}"), "an array", f"{name} only for files")
-    field = RegularField(data, **given)
+    field = RegularField(data, **with_labels(data, given))
     return field if log is None else in_decades([field], {}, log)[0]
 
 
@@ -268,6 +270,15 @@ def _is_color(part: object) -> bool:
         return False
 
 
+def _asks_for_values(options: Mapping[str, Any]) -> bool:
+    """Return whether options of a picture are about values, so that numbers which look like labels are none."""
+    function, mode, log = (options.get(name) for name in ("transfer_function", "mode", "log"))
+    of_values = function is not None and not isinstance(function, LabelColors)
+    scalar = isinstance(mode, str) and mode in SCALAR
+    given = any(options.get(name) is not None for name in ("cmap", "clim", "opacity", "iso_value", "weight"))
+    return of_values or scalar or given or not (log is None or is_off(log))
+
+
 @dataclass(frozen=True)
 class Opened:
     """Data as fields of their values that have the kernels which were given, or plain ones; a scene stays one.
@@ -295,7 +306,11 @@ class Opened:
         if _is_made(data):
             of_made = _given(OpenOptions, given)
             _refuse_for_made({name: one for name, one in of_made.items() if name != "weight" or isinstance(one, str)})
-        return cls(data, tuple(to_fields(path, **{**given, "log": None})))
+        fields = to_fields(path, **{**given, "log": None})
+        if given.get("labels") is None and not _is_made(data) and _asks_for_values(options):
+            # (Only the samples' looks said that they are labels.)
+            fields = [one.replace(labels=False) if is_labelled(one) else one for one in fields]
+        return cls(data, tuple(fields))
 
 
 def _chosen(opened: Opened, options: Any, asked: Asked, size: tuple[int, int], outputs: Iterable[str]) -> Decisions:

@@ -120,7 +120,7 @@ class LabelColors(TransferFunction):
         """Return what a label is called, "label 3" unless it has a name."""
         return self._names.get(label, f"label {label}")
 
-    def __reduce__(self) -> tuple[type[LabelColors], tuple[Any, ...]]:  # type: ignore[override]
+    def __reduce__(self) -> tuple[type[LabelColors], tuple[Any, ...]]:
         """Pickle and copy by colours and names."""
         return type(self), (dict(self._colors), dict(self._names), self._background)
 

@@ -91,12 +91,16 @@ void LightTextures::set_lines(const gl::Program& program, const Scene& scene, co
     const auto append = [](std::vector<float>& to, const Vec3& vector) {
         to.insert(to.end(), {static_cast<float>(vector.x), static_cast<float>(vector.y), static_cast<float>(vector.z)});
     };
-    std::size_t most = 0;
-    for (const auto& of_group : lines.kept) {
-        most = std::max(most, of_group.size());
+    std::size_t most = 0, most_surfaces = 0;
+    for (std::size_t group = 0; group < lines.surfaces.size(); ++group) {
+        most = std::max(most, lines.kept[group].size());
+        most_surfaces = std::max(most_surfaces, lines.surfaces[group].size());
     }
     for (std::size_t group = 0; group < lines.surfaces.size(); ++group) {
-        for (const SurfaceLines::Surface& one : lines.surfaces[group]) {
+        // (Groups with fewer surfaces than others get some that absorb nothing.)
+        std::vector<SurfaceLines::Surface> own = lines.surfaces[group];
+        own.resize(most_surfaces, {0.0, 0.0});
+        for (const SurfaceLines::Surface& one : own) {
             append(surfaces, Vec3(one.value, one.absorption, 0.0));
         }
         // (Groups without an end of their own get half spaces that hold everything.)

@@ -6,6 +6,7 @@
 #include "base/clock.hpp"
 #include "base/poll.hpp"
 #include "scene/mode_rules.hpp"
+#include "shader_variants.hpp"
 #include "sheetsplat/error.hpp"
 #include "tile_loop.hpp"
 
@@ -113,8 +114,10 @@ void Picture::draw() {
     stats["bytes_device"] = static_cast<double>(bytes + resources_.bytes());
 }
 
+bool Picture::classifies() const { return is_composited(plan_.mode) || shaded_parts(*job_.scene).serving; }
+
 void Picture::upload() {
-    if (is_composited(plan_.mode)) {
+    if (classifies()) {
         const std::vector<double> pivots = group_pivots(plan_, *job_.scene);
         std::vector<Classification::Part> parts;
         for (const Group& group : groups_drawn(*job_.scene)) {
@@ -161,7 +164,7 @@ const Targets& Picture::draw_tile(const Tile& tile, std::size_t number, std::siz
         return *targets;
     }
     const TileScope scope(job_, context_.api(), context_.capabilities(), resources_, hooks_, tile);
-    TileLoop loop(scope, is_composited(plan_.mode) ? &classification_ : nullptr);
+    TileLoop loop(scope, classifies() ? &classification_ : nullptr);
     loop.run(report);
     drawn_ += loop.splatting().drawn;
     shaded_ += loop.shaded();

@@ -20,6 +20,8 @@ class Picture {
     void draw();
 
   private:
+    /// Transfer functions are read: of what is composited, and of groups that give others their colours.
+    [[nodiscard]] bool classifies() const;
     void upload();
     /// Draws a tile and returns the surfaces that hold it.
     const Targets& draw_tile(const Tile& tile, std::size_t number, std::size_t tiles);

@@ -180,9 +180,17 @@ ShadedParts shaded_parts(const Scene& scene) {
         return group.last - group.first == 1 && scene.fields[group.first]->least_weight() > 0.0;
     });
     parts.ends = scene.counted && !scene.counted->ends.empty();
+    parts.labels = !label_sets(groups).empty();
+    parts.serving = std::any_of(groups.begin(), groups.end(), [](const Group& group) { return !is_classified(group); });
     if (shows_surfaces(scene.mode)) {
-        const bool plain = parts.groups == 1 && scene.iso_values.size() == 1 && scene.iso_values.front().opacity == 1.0;
-        parts.surfaces = plain ? 0 : parts.groups * scene.iso_values.size();
+        std::size_t most = 0;
+        bool plain = parts.groups == 1;
+        for (std::size_t group = 0; group < groups.size(); ++group) {
+            const std::vector<IsoValue> values = iso_values_of(scene, group);
+            most = std::max(most, values.size());
+            plain = plain && values.size() == 1 && values.front().opacity == 1.0;
+        }
+        parts.surfaces = plain ? 0 : parts.groups * most;
     }
     return parts;
 }
@@ -191,8 +199,12 @@ LineCounts line_counts(const DrawPlan& plan, const Scene& scene) {
     if (!shows_surfaces(plan.mode) || !(plan.shadows || plan.ambient_occlusion)) {
         return {};
     }
-    const auto shown = std::count_if(scene.iso_values.begin(), scene.iso_values.end(),
-                                     [](const IsoValue& iso) { return iso.opacity > 0.0; });
+    std::ptrdiff_t shown = 0;
+    for (std::size_t group = 0; group <= scene.later_groups.size(); ++group) {
+        const std::vector<IsoValue> values = iso_values_of(scene, group);
+        shown = std::max(shown, std::count_if(values.begin(), values.end(),
+                                              [](const IsoValue& iso) { return iso.opacity > 0.0; }));
+    }
     std::size_t of_end = 0;
     for (const std::optional<Parallelepiped>& end : scene.counted ? scene.counted->ends : std::vector<std::optional<Parallelepiped>>{}) {
         of_end = std::max(of_end, Clip{{}, end}.half_spaces().size());
@@ -209,7 +221,7 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
     if (!wide) {
         defines["PHASE"] = std::to_string(phase);
     }
-    const std::array<std::pair<const char*, bool>, 34> switches{{
+    const std::array<std::pair<const char*, bool>, 36> switches{{
         {"CLASSIFY", is_composited(plan.mode)},
         {"MODE_ISOSURFACE", shows_surfaces(plan.mode)},
         {"MODE_XRAY", traits_of(plan.mode).integrates},
@@ -235,6 +247,8 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
         {"CLIP", plan.cuts()},
         {"OWNED", plan.owned},
         {"ENDS", parts.ends},
+        {"LABELS", parts.labels && parts.groups > 1},
+        {"SERVING", parts.serving && parts.groups > 1},
         {"OPEN_FRONT", plan.open_front},
         {"GRADIENT_OPACITY", plan.gradient_opacity},
         {"DEPTH_CUE", plan.depth_cue},

@@ -64,8 +64,10 @@ std::vector<std::string> splat_outputs(const DrawPlan& plan, const SplatTarget& 
 struct ShadedParts {
     std::size_t lights = 0;
     std::size_t groups = 1;     ///< that are classified apart
-    std::size_t surfaces = 0;   ///< iso values of all groups; 0: one opaque surface at most
+    std::size_t surfaces = 0;   ///< of all groups, each as many as any has; 0: one opaque surface at most
     bool ends = false;          ///< fields of groups end in different places
+    bool labels = false;        ///< scalars of labels are compared
+    bool serving = false;       ///< some groups give colours to others, or are compared and not shown
     bool least_weights = false; ///< points of a group of one field are empty where W is too small
 
     /// The fragment shader: of one group and an opaque surface, or of what there may be.
@@ -74,7 +76,7 @@ struct ShadedParts {
 ShadedParts shaded_parts(const Scene& scene);
 /// What lines towards lights meet in mode isosurface: sizes of the arrays of lib/light_volume.glsl.
 struct LineCounts {
-    std::size_t groups = 0, surfaces = 0, half_spaces = 0; ///< the last two a group
+    std::size_t groups = 0, surfaces = 0, half_spaces = 0; ///< the last two a group, the most of any
 };
 LineCounts line_counts(const DrawPlan& plan, const Scene& scene);
 gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int phase, const LineCounts& lines = {});

@@ -1,5 +1,6 @@
 #include "shading_uniforms.hpp"
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -48,11 +49,33 @@ void set_least_weights(const gl::Program& program, const ShadingInputs& inputs) 
 void set_isosurface(const gl::Program& program, const ShadingInputs& inputs, const ShadedParts& parts) {
     std::size_t number = 0;
     for (const ShadingInputs::OfGroup& group : inputs.groups) {
-        for (const ShadingInputs::Surface& surface : group.surfaces) {
+        std::vector<ShadingInputs::Surface> surfaces = group.surfaces;
+        // Nothing crosses the values of those that a group has not.
+        surfaces.resize(std::max(surfaces.size(), parts.surfaces / inputs.groups.size()), {1e38, Vec3(0.0), 0.0});
+        for (const ShadingInputs::Surface& surface : surfaces) {
             const std::string element = parts.surfaces > 0 ? "s[" + std::to_string(number++) + "]" : "";
             program.set("iso_value" + element, f(surface.value));
             program.set("iso_color" + element, f(surface.color.x), f(surface.color.y), f(surface.color.z),
                         f(surface.opacity));
+        }
+    }
+}
+
+/// What groups are for where they are not all shown by themselves.
+void set_uses(const gl::Program& program, const Scene& scene, const ShadedParts& parts) {
+    const std::vector<Group> groups = groups_drawn(scene);
+    const auto set_range = [&](const char* name, std::size_t group, const GroupRange& range) {
+        program.set(std::string(name) + "[" + std::to_string(group) + "]", static_cast<int>(range.first),
+                    static_cast<int>(range.last));
+    };
+    for (std::size_t group = 0; group < groups.size() && parts.serving; ++group) {
+        program.set("classified[" + std::to_string(group) + "]", is_classified(groups[group]) ? 1 : 0);
+        program.set("counted[" + std::to_string(group) + "]", groups[group].use.role != GroupRole::colors ? 1 : 0);
+        set_range("colors", group, colors_of(groups, group));
+    }
+    for (const GroupRange& set : label_sets(groups)) {
+        for (std::size_t group = set.first; group < set.last && parts.labels; ++group) {
+            set_range("label_sets", group, set);
         }
     }
 }
@@ -114,6 +137,9 @@ void set_shading(const gl::Program& program, const TileScope& scope, const Shadi
         for (std::size_t group = 0; group < inputs.groups.size(); ++group) {
             program.set(name_in(inputs, "base", group), f(inputs.groups[group].base));
         }
+    }
+    if (inputs.groups.size() > 1) {
+        set_uses(program, *scope.job.scene, shaded_parts(*scope.job.scene));
     }
     if (shows_surfaces(plan.mode)) {
         set_isosurface(program, inputs, shaded_parts(*scope.job.scene));

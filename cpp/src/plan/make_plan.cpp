@@ -268,7 +268,9 @@ void plan_light(const Scene& scene, const ViewFacts& view, const SceneShows& sho
                                                           : "asked for: matter around a point dims ambient light");
     const double share = fine_gradient_below * view.frame.reference_length;
     const bool close = view.frame.smallest_step() < share;
-    const bool fine = called && close && !plan.analytic_gradient;
+    // (The differences of labels are not those of their sums.)
+    const bool labels = !label_sets(scene.groups()).empty();
+    const bool fine = called && close && !plan.analytic_gradient && !labels;
     plan.fine_gradient = effects.decide(EffectId::fine_gradient, fine,
                                         fine ? "a pixel or the slice spacing is so small that differences of sums "
                                                "would lose the gradient: differences are splatted"
@@ -276,7 +278,7 @@ void plan_light(const Scene& scene, const ViewFacts& view, const SceneShows& sho
                                                                  : "differences of neighbouring sums keep enough "
                                                                    "digits",
                                         true) &&
-                         plan.gradient && !plan.analytic_gradient;
+                         plan.gradient && !plan.analytic_gradient && !labels;
     plan.fine_across = plan.fine_gradient && (view.frame.smallest_pixel < share || !fine);
     plan.fine_along = plan.fine_gradient && (view.frame.slice_spacing < share || !fine);
 }

@@ -25,7 +25,7 @@ from sheetsplat.bricks.tasks import nothing
 from sheetsplat.bricks.workers import look_after
 from sheetsplat.choose.asked import Asked
 from sheetsplat.choose.kernels import with_own_kernel
-from sheetsplat.errors import complain, option_ref, option_refs, unusable
+from sheetsplat.errors import Unsupported, complain, option_ref, option_refs, unusable
 from sheetsplat.fields import BrickedField, BrickedKernels
 from sheetsplat.fields.regular import narrowest
 from sheetsplat.io.axes import placement, tell_units
@@ -172,7 +172,11 @@ def _field(source: BrickSource, cut: _Cut, client: Any, given: Mapping[str, Any]
     placed = placement(source, given)
     if source.holey:
         placed["nan"] = "skip"
-    placed |= {name: given[name] for name in ("lattice", *definitions(KernelOptions)) if name in given}
+    if given.get("labels"):
+        wanted = "labels in memory, or labels=False, which takes them for values"
+        raise complain(unusable("open_bricks: labels"), "labels in bricks", wanted, option="labels", kind=Unsupported)
+    names = ("lattice", *(name for name in definitions(KernelOptions) if name != "labels"))
+    placed |= {name: given[name] for name in names if name in given}
     lattice = placed.get("lattice", "cartesian")
     choice("open_bricks: lattice", lattice, ("cartesian", "bcc"))
     if cut.levels and lattice != "cartesian":

@@ -163,7 +163,11 @@ def prepare(
     opened = file_options(options)
     asked = Asked.of("render", {name: value for name, value in options.items() if value is not None})
     with usage_errors(reading=True):
-        fields = api.Opened.of(path, opened).fields if open_file is None else [open_file(path, **opened)]
+        fields = (
+            api.Opened.of(path, {**options, **look, **opened}).fields
+            if open_file is None
+            else [open_file(path, **opened)]
+        )
     with usage_errors():
         given = {**options, **look, "log": opened["log"]}
         made = choose(fields, given, asked, size, cue_color=options["depth_cue_color"] or (0, 0, 0))

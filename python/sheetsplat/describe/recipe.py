@@ -39,11 +39,11 @@ _OPENED = {name: one for name, one in definitions(OpenOptions).items() if name !
 _KERNELS = ("radius", "falloff", "normalization", "w0", "prefilter")
 # The own options of fields by their kind.
 _KINDS = {
-    "RegularField": ("spacing", "axes", "origin", "lattice", *_KERNELS, "nan", "boundary", "base"),
+    "RegularField": ("spacing", "axes", "origin", "lattice", *_KERNELS, "nan", "boundary", "base", "labels"),
     "EllipsoidField": ("normalization", "w0", "falloff", "min_scale", "base", "periodic"),
 }
 # Options of volumes in pictures that were made before volumes had any of them.
-_BEFORE = {"boundary": "zero", "base": 0.0}
+_BEFORE = {"boundary": "zero", "base": 0.0, "labels": False}
 _PARTS = ("format", "version", "size", "camera", "transfer_functions", "groups", "scene", "fields", "renderer")
 
 

@@ -1,7 +1,8 @@
-"""Volumes of labels, whole numbers that name things: which there are, and the volume of each. Conventions, section 4."""
+"""Volumes of labels, whole numbers that name things: which there are. Conventions, section 4 (Labels)."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -53,20 +54,32 @@ def labels_in(values: NDArray[Any]) -> tuple[int, ...]:
     return tuple(int(one) for one in found)
 
 
+def with_labels(values: Any, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return options of a volume that say whether its samples are labels, where nobody said and they look like that."""
+    given = {name: one for name, one in options.items() if name != "labels" or one is not None}
+    open_ = not given.keys() & {"labels", "normalization", "w0", "prefilter", "base", "radius", "falloff"}
+    samples = isinstance(values, np.ndarray) and values.ndim == 3 and values.size > 0 and values.dtype.kind in "iuf"
+    return {**given, "labels": True} if open_ and samples and look_like_labels(values) else given
+
+
 def look_like_labels(values: NDArray[Any]) -> bool:
     """Return whether samples are labels by all that can be seen: few whole numbers between which there is nothing.
 
     These are regions of one number each, beside which others lie that are not the next ones: what is measured goes
     through the numbers between.
     """
-    seen = values[:: max(1, values.shape[0] // _LAYERS)]
-    whole = seen.dtype.kind in "ui" or bool(np.array_equal(seen, np.round(seen)))
-    if not whole or not seen.size or float(np.max(seen)) - float(np.min(seen)) > _WIDEST:
+    seen = values[:: -(-values.shape[0] // _LAYERS)]
+    # (Most volumes show in one layer that they are none.)
+    for part in (seen[len(seen) // 2], seen):
+        whole = part.dtype.kind in "ui" or (bool(np.isfinite(part).all()) and np.array_equal(part, np.round(part)))
+        if not whole or float(part.max()) - float(part.min()) > _WIDEST:
+            return False
+        counts = np.bincount((part.ravel() - part.min()).astype(np.int64))
+        if np.count_nonzero(counts) > _MOST_KINDS:
+            return False
+    if np.count_nonzero(counts) < _LEAST_KINDS:
         return False
-    found, ranks = np.unique(seen, return_inverse=True)
-    if not _LEAST_KINDS <= len(found) <= _MOST_KINDS:
-        return False
-    ranks = ranks.reshape(seen.shape)
+    ranks = (np.cumsum(counts > 0))[(seen - seen.min()).astype(np.int64)]
     steps = np.concatenate([np.abs(np.diff(ranks, axis=axis)).ravel() for axis in (1, 2)])
     apart = steps > 0
     if not apart.any():
@@ -75,8 +88,8 @@ def look_like_labels(values: NDArray[Any]) -> bool:
 
 
 # Layers of a volume that are looked at; few and many labels; what float64 and a table hold.
-_LAYERS = 64
+_LAYERS = 32
 _LEAST_KINDS, _MOST_KINDS = 3, 64
-_WIDEST = 2.0**24
+_WIDEST = 2.0**20
 # Of neighbouring samples, the share that differ, and of these the share with a number between them that occurs.
 _MOST_BORDERS, _LEAST_JUMPS = 0.2, 0.2

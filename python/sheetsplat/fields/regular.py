@@ -141,68 +141,68 @@ def _axes_of(axes: ArrayLike, spacing: Vector | None) -> tuple[Triple, Triple, T
 class RegularField(Field):
     """A Cartesian or body-centred cubic volume. Immutable.
 
-       Sample (i, j, k) of ``values[k, j, i]`` is a kernel at ``origin + (i dx, j dy, k dz)`` (Cartesian) or at
-       ``origin + ((i + (k mod 2)/2) a, (j + (k mod 2)/2) a, k a/2)`` (BCC). Conventions, section 2 (Fields).
+    Sample (i, j, k) of ``values[k, j, i]`` is a kernel at ``origin + (i dx, j dy, k dz)`` (Cartesian) or at
+    ``origin + ((i + (k mod 2)/2) a, (j + (k mod 2)/2) a, k a/2)`` (BCC). Conventions, section 2 (Fields).
 
-       Parameters
-       ----------
-       values
-           Array of shape (nk, nj, ni), anything that NumPy can read. uint8, int16, uint16, float32 and float64 are kept as
-           they are; other real types are converted to one of these without loss; masked entries count as NaN.
-       spacing
-           World units between samples along x, y, z; for ``lattice="bcc"`` its first entry is the edge a.
-       origin
-           World position of sample (0, 0, 0).
-       axes
-           (3, 3), in place of `spacing`: rows are the steps of i, j and k in the world, three directions that are not
-           coplanar, of a Cartesian lattice. Sample (i, j, k) is at ``origin + (i, j, k) @ axes``, kernels are spheres in
-           index space, and `spacing` is the length of each step.
-       labels
-           The samples are whole numbers that name things and are never mixed: pictures show which label weighs most at a
-           point, in the colours of a `LabelColors`. `normalization`, `prefilter` and `base` stay as they are.
-       lattice
-    or "bcc".
-       radius
-           Radius of a kernel's support in sample distances (BCC: of a/√2); unequal spacing: per axis.
-       falloff
-           k of the kernel (exp(−k r²) − exp(−k)) / (1 − exp(−k)).
-       normalization
-           How sums become the scalar, offset by `base`: "none" (D), "lattice" (D/C) or "threshold" (D / max(w0, W)).
-       w0
-           Threshold of "threshold", > 0.
-       prefilter
-           Give the kernels coefficients in place of the samples, so that their sum passes through every sample;
-           `normalization` is then "none". The field keeps the coefficients beside the samples, in float32 or float64; 4
-           bytes a sample more are needed while they are computed. The kernel must be narrow enough to resolve the samples:
-           (radius, falloff) = (2, 5), (2.5, 7) and (3, 8) are; (2.5, 7) is the best. None: the field has plain sums, and
-           `sheetsplat.render` shows it with the kernels of its quality, as it shows an array; False: the field is shown
-           with plain sums at every quality.
-       nan
-           What a NaN sample is: "error", or "skip" for a missing sample, which has no kernel.
-       boundary
-           What lies beyond the outermost samples. "edge": the samples are mirrored there, and the field ends half a sample
-           distance beyond the outermost ones (`domain`); pictures are empty outside. "zero": nothing, and the field falls
-           to `base` within a kernel's radius ([NM05]). A BCC lattice of one layer counts as "zero".
-       base
-           The value that all values are offset by; the scalar where no kernel reaches. Unless given, 0 with the
-           boundary "zero" and with the normalisation "none"; else the value of the first sample that is not missing, if at
-           least one sample in a hundred has it, else the middle between the least and the largest.
+    Parameters
+    ----------
+    values
+        Array of shape (nk, nj, ni), anything that NumPy can read. uint8, int16, uint16, float32 and float64 are kept as
+        they are; other real types are converted to one of these without loss; masked entries count as NaN.
+    spacing
+        World units between samples along x, y, z; for ``lattice="bcc"`` its first entry is the edge a.
+    origin
+        World position of sample (0, 0, 0).
+    axes
+        (3, 3), in place of `spacing`: rows are the steps of i, j and k in the world, three directions that are not
+        coplanar, of a Cartesian lattice. Sample (i, j, k) is at ``origin + (i, j, k) @ axes``, kernels are spheres in
+        index space, and `spacing` is the length of each step.
+    labels
+        The samples are whole numbers that name things and are never mixed: pictures show which label weighs most at a
+        point, in the colours of a `LabelColors`. `normalization`, `prefilter` and `base` stay as they are.
+    lattice
+        "cartesian" or "bcc".
+    radius
+        Radius of a kernel's support in sample distances (BCC: of a/√2); unequal spacing: per axis.
+    falloff
+        k of the kernel (exp(−k r²) − exp(−k)) / (1 − exp(−k)).
+    normalization
+        How sums become the scalar, offset by `base`: "none" (D), "lattice" (D/C) or "threshold" (D / max(w0, W)).
+    w0
+        Threshold of "threshold", > 0.
+    prefilter
+        Give the kernels coefficients in place of the samples, so that their sum passes through every sample;
+        `normalization` is then "none". The field keeps the coefficients beside the samples, in float32 or float64; 4
+        bytes a sample more are needed while they are computed. The kernel must be narrow enough to resolve the samples:
+        (radius, falloff) = (2, 5), (2.5, 7) and (3, 8) are; (2.5, 7) is the best. None: the field has plain sums, and
+        `sheetsplat.render` shows it with the kernels of its quality, as it shows an array; False: the field is shown
+        with plain sums at every quality.
+    nan
+        What a NaN sample is: "error", or "skip" for a missing sample, which has no kernel.
+    boundary
+        What lies beyond the outermost samples. "edge": the samples are mirrored there, and the field ends half a sample
+        distance beyond the outermost ones (`domain`); pictures are empty outside. "zero": nothing, and the field falls
+        to `base` within a kernel's radius ([NM05]). A BCC lattice of one layer counts as "zero".
+    base
+        The value that all values are offset by; the scalar where no kernel reaches. Unless given, 0 with the
+        boundary "zero" and with the normalisation "none"; else the value of the first sample that is not missing, if at
+        least one sample in a hundred has it, else the middle between the least and the largest.
 
-       Raises
-       ------
-       InvalidInput
-           For empty arrays, other than three axes, other than real numbers, NaN (unless skipped), infinities, a base that
-           is not finite, for axes that are coplanar or given beside `spacing` or for a BCC lattice, and for spacing,
-           radius, falloff or w0 that are not positive; with `prefilter` for normalisation
-           "threshold", for any NaN, and for kernels whose sums lose the samples.
-       OutOfMemory
-           Where the copy of the samples does not fit, or what `prefilter` needs.
+    Raises
+    ------
+    InvalidInput
+        For empty arrays, other than three axes, other than real numbers, NaN (unless skipped), infinities, a base that
+        is not finite, for axes that are coplanar or given beside `spacing` or for a BCC lattice, and for spacing,
+        radius, falloff or w0 that are not positive; with `prefilter` for normalisation
+        "threshold", for any NaN, and for kernels whose sums lose the samples.
+    OutOfMemory
+        Where the copy of the samples does not fit, or what `prefilter` needs.
 
-       Examples
-       --------
-       >>> field = ss.RegularField(np.ones((4, 5, 6)), spacing=(0.5, 0.5, 2.0))  # 6 samples along x, 4 along z
-       >>> field.size, field.spacing
-       (120, (0.5, 0.5, 2.0))
+    Examples
+    --------
+    >>> field = ss.RegularField(np.ones((4, 5, 6)), spacing=(0.5, 0.5, 2.0))  # 6 samples along x, 4 along z
+    >>> field.size, field.spacing
+    (120, (0.5, 0.5, 2.0))
     """
 
     __slots__ = (
@@ -242,7 +242,8 @@ class RegularField(Field):
         self._boundary = choice("RegularField: boundary", boundary, BOUNDARIES)
         self._base = optional_number("RegularField: base", base)
         self._settled = prefilter is not None
-        self._labels, self._label_parts = truth("RegularField: labels", labels), {}
+        self._labels = truth("RegularField: labels", labels)
+        self._label_parts: dict[int | str, Any] = {}
         wanted = prefilter is not None and truth("RegularField: prefilter", prefilter)
         if wanted and self._normalization == "none":
             # That of the coefficients: the base is the one of the samples.

@@ -18,6 +18,7 @@ from sheetsplat import _memory
 from sheetsplat._checks import is_off, shown
 from sheetsplat.errors import Error, about_option, complain, option_refs
 from sheetsplat.fields import EllipsoidField, Field, NanPolicy, RegularField
+from sheetsplat.fields.labelled import with_labels
 from sheetsplat.io.axes import placement, settled, tell_units
 from sheetsplat.io.checks import Where, printable, unreadable
 from sheetsplat.io.formats import FORMATS, SCATTERED, Format, find_format, format_of
@@ -28,12 +29,12 @@ from sheetsplat.io.source import opened
 # Options of regular volumes alone, and of scattered data alone.
 REGULAR = (
     *("shape", "dtype", "offset", "name", "resample", "spacing", "origin", "lattice", "radius", "prefilter"),
-    *("boundary", "axes"),
+    *("boundary", "axes", "labels"),
 )
 SCATTERED_ONLY = ("grid", "particles", "support", "fit", "neighbors", "min_scale", "periodic")
 _POINTS = ("grid", "scalar", "particles", "support", "step", "nan")
 _ELLIPSOIDS = ("fit", "neighbors", "normalization", "w0", "falloff", "min_scale", "base", "periodic")
-_SAMPLES = ("lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan", "boundary", "base")
+_SAMPLES = ("lattice", "radius", "falloff", "normalization", "w0", "prefilter", "nan", "boundary", "base", "labels")
 _RAW = ("shape", "dtype", "offset", "name", "resample", "step")
 #: Options that say how data are read.
 READING = (*_RAW, *(name for name in _POINTS if name != "nan"))
@@ -273,7 +274,8 @@ def _of_volume(volume: Volume, options: Mapping[str, Any]) -> RegularField:
     chosen = placement(volume, options)
     if volume.packing.missing and np.isnan(volume.values).any():
         chosen["nan"] = "skip"
-    field = RegularField(volume.values, **chosen | {name: options[name] for name in _SAMPLES if name in options})
+    chosen |= {name: options[name] for name in _SAMPLES if name in options}
+    field = RegularField(volume.values, **with_labels(volume.values, chosen))
     field = field.with_quantity_of_samples(volume.quantity, volume.spacing, volume.origin, "cartesian")
     return field.with_orientation(volume.orientation)
 

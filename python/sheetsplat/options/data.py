@@ -109,6 +109,20 @@ class KernelOptions(TypedDict, total=False):
             unset=value_text(_VOLUME["nan"]),
         ),
     ]
+    labels: Annotated[
+        bool | None,
+        Option(
+            "Volumes: the samples are whole numbers that name things, which are not mixed; each label has a colour.",
+            unset="where the samples look like that: few whole numbers between which there is nothing",
+            cli=(
+                CommandLine(
+                    "--labels/--no-labels",
+                    help="Volumes: the samples are whole numbers that name things, which are not mixed.",
+                    default="where they look like that",
+                ),
+            ),
+        ),
+    ]
     boundary: Annotated[
         Boundary | None,
         Option(

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sheetsplat._checks import (
+    as_array,
     attribute,
     check_progress,
     choice,
@@ -39,6 +40,7 @@ from sheetsplat.fields.labelled import with_labels
 from sheetsplat.image import Image
 from sheetsplat.labels import LabelColors
 from sheetsplat.look.decades import in_decades
+from sheetsplat.look.measure import with_values
 from sheetsplat.notices import warn
 from sheetsplat.options.bricks import cluster_of
 from sheetsplat.options.camera import CameraOptions
@@ -270,6 +272,32 @@ def _is_color(part: object) -> bool:
         return False
 
 
+def _coloring(opened: Opened, options: Mapping[str, Any]) -> Any:
+    """Return the field that gives colours, or what `Scene` takes."""
+    given, data = options["color_by"], opened.data
+    if isinstance(given, Field) or isinstance(given, tuple | list) and any(isinstance(one, Field) for one in given):
+        return given
+    first = opened.fields[0]
+    if len(opened.fields) > 1:
+        found, wanted = f"{shown(given)} for {len(opened.fields)} fields", "a field for each, with its function"
+        raise complain(unusable("render: color_by"), found, wanted, "give them to sheetsplat.Scene", option="color_by")
+    if isinstance(given, os.PathLike) or isinstance(given, str) and Path(given).is_file():
+        return _fields_of(given, {})[0]
+    if isinstance(given, str):
+        of_data = {name: one for name, one in _given(OpenOptions, options).items() if name not in ("log", "name")}
+        if _is_made(data) or isinstance(data, np.ndarray):
+            found, wanted = f"the name {shown(given)} for data without arrays of names", "a field, or numbers"
+            raise complain(unusable("render: color_by"), found, wanted, option="color_by")
+        return _fields_of(data, {**of_data, "scalar": given})[0]
+    numbers_ = as_array("render: color_by cannot be used", given, "a field, a name, or numbers of the data's shape")
+    if isinstance(first, RegularField) and numbers_.shape == first.shape:
+        return first.replace(numbers_, **({} if first.given_base is not None else {"base": None}))
+    if isinstance(first, EllipsoidField) and numbers_.shape == first.values.shape:
+        return with_values(first, numbers_.astype(np.float64))
+    wanted = f"as many as the data have, {getattr(first, 'values', np.zeros(0)).shape}"
+    raise complain(unusable("render: color_by"), f"an array of shape {numbers_.shape}", wanted, option="color_by")
+
+
 def _asks_for_values(options: Mapping[str, Any]) -> bool:
     """Return whether options of a picture are about values, so that numbers which look like labels are none."""
     function, mode, log = (options.get(name) for name in ("transfer_function", "mode", "log"))
@@ -330,6 +358,9 @@ def _chosen(opened: Opened, options: Any, asked: Asked, size: tuple[int, int], o
         return kept(data, options, asked, size)
     if isinstance(data, list | tuple) and len(data) > 1:
         _refuse_one_for_each(len(data), look)
+    if look.get("color_by") is not None:
+        options = {**options, "color_by": _coloring(opened, options)}
+        look = pick_given(LookOptions, options)
     suggested = suggested_look(data, look)
     # False has the same effect as leaving the option out.
     wanted = [*(name for name, value in look.items() if value is not False), *outputs]

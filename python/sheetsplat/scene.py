@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _sheetsplat
-from sheetsplat._checks import Bounds, Triple
+from sheetsplat._checks import Bounds, Triple, parts, shown
 from sheetsplat.errors import Unsupported, complain, option_ref, unusable
 from sheetsplat.fields import BrickedKernels, Field, RegularField, as_fields, default_spacing, joined_bounds
 from sheetsplat.labels import groups_of
@@ -28,6 +28,9 @@ from sheetsplat.transfer import TransferFunction
 Look = TransferFunction | Sequence[Sequence[float]] | NDArray[Any]
 # Fields whose scalars add up, each with its transfer function.
 Groups = list[tuple[tuple[Field, ...], TransferFunction]]
+# What takes the place of a group's colours: another field with a transfer function, whose opacities do not count.
+Coloring = tuple[Field | Sequence[Field], Look]
+Colorings = tuple[tuple[tuple[Field, ...], TransferFunction] | None, ...]
 
 
 def _is_table(value: object) -> bool:
@@ -65,6 +68,51 @@ def _groups(field: object, transfer_function: object) -> Groups:
     return list(zip(groups, functions, strict=True))
 
 
+def _colorings(color_by: object, groups: Groups) -> Colorings:
+    """Return what gives each group its colours, None where it has its own."""
+    if color_by is None:
+        return (None,) * len(groups)
+    one = isinstance(color_by, tuple) and len(color_by) == 2 and isinstance(color_by[0], Field | list)
+    given: Any = [color_by] if one else color_by
+    wanted = "(field, transfer function), or a sequence with one or None for each group of fields"
+    found = parts("Scene: color_by", given, wanted, len(groups) + 1)
+    if len(found) != len(groups):
+        raise complain(unusable("Scene: color_by"), f"{len(found)} for {len(groups)} groups of fields", wanted)
+    made: list[tuple[tuple[Field, ...], TransferFunction] | None] = []
+    for number, (pair, (fields, _)) in enumerate(zip(found, groups, strict=True)):
+        if pair is None:
+            made.append(None)
+            continue
+        if not isinstance(pair, tuple | list) or len(pair) != 2:
+            raise complain(unusable("Scene: color_by"), shown(pair), wanted)
+        field, function = pair
+        if any(isinstance(other, RegularField) and (other.labels or other.colored) for other in fields):
+            raise complain(
+                unusable("Scene: color_by"), f"group {number}, whose samples are colours or labels", "values"
+            )
+        look = function if isinstance(function, TransferFunction) else TransferFunction(function)
+        made.append((tuple(as_fields(field, "Scene: color_by")), look))
+    return tuple(made)
+
+
+def _components(field: RegularField, mode: str) -> list[tuple[Any, TransferFunction]]:
+    """Return red, green and blue of a colour volume, each with the ramp that makes colours of it."""
+    if not TRAITS[mode].is_composited:
+        raise complain(
+            f"Scene: mode {mode} cannot be used",
+            "a volume of colours",
+            option_ref("mode", "composite") + ", or a scalar mode, which shows how opaque it is",
+            option="mode",
+        )
+    made = []
+    for channel in range(3):
+        top = np.zeros(5)
+        top[0], top[1 + channel], top[4] = field.full_color, 1.0, 1.0
+        black = np.array([0.0, 0.0, 0.0, 0.0, 1.0])
+        made.append((field.part_of_color(channel), TransferFunction(np.stack((black, top)))))
+    return made
+
+
 def _native(value: Any) -> Any:
     """Return what the native scene takes for a checked value."""
     if isinstance(value, tuple) and all(isinstance(one, Light) for one in value):
@@ -83,7 +131,12 @@ class Scene:
         of as many entries, each a field or a sequence of fields whose scalars add up.
     transfer_function
         Scalar to colour and opacity per reference length; a TransferFunction, or its points. Or a sequence of them,
-        one for each entry of `field`; in scalar modes the scalars of all fields add up nevertheless.
+        one for each entry of `field`; in scalar modes the scalars of all fields add up nevertheless. Fields of labels
+        have a LabelColors.
+    color_by
+        A field, or several that add up, with a transfer function whose colours take the place of the first ones where
+        that field is not empty; opacities, and where surfaces lie, stay. With several transfer functions a sequence
+        with one or None for each entry of `field`. Scalar modes do not use it.
     **options
         Those of SceneOptions.
 
@@ -100,7 +153,8 @@ class Scene:
     'mip'
     """
 
-    __slots__ = ("_groups", "_native", "_options", "_quality", "_sums")
+    __slots__ = ("_colors", "_groups", "_native", "_options", "_quality", "_sums")
+    _colors: Colorings
     _native: _sheetsplat.Scene | None
     _sums: tuple[Scene, Scene] | None
     _quality: PictureQuality | None
@@ -109,32 +163,40 @@ class Scene:
         self,
         field: Field | Sequence[Field | Sequence[Field]],
         transfer_function: Look | Sequence[Look],
+        *,
+        color_by: Coloring | Sequence[Coloring | None] | None = None,
         **options: Unpack[SceneOptions],
     ) -> None:
         check_names("Scene", options, SceneOptions)
-        self._make(_groups(field, transfer_function), checked("Scene", options, SceneOptions))
+        groups = _groups(field, transfer_function)
+        self._make(groups, checked("Scene", options, SceneOptions), _colorings(color_by, groups))
         self.check()
 
     @classmethod
-    def sketched(cls, field: object, transfer_function: object, options: Mapping[str, Any]) -> Scene:
+    def sketched(
+        cls, field: object, transfer_function: object, options: Mapping[str, Any], color_by: object = None
+    ) -> Scene:
         """Return what `Scene` does, but for `check`."""
-        return cls.of_checked(_groups(field, transfer_function), checked("Scene", options, SceneOptions))
+        groups = _groups(field, transfer_function)
+        return cls.of_checked(groups, checked("Scene", options, SceneOptions), _colorings(color_by, groups))
 
     @classmethod
-    def of_checked(cls, groups: Groups, options: Mapping[str, Any]) -> Scene:
+    def of_checked(cls, groups: Groups, options: Mapping[str, Any], colors: Colorings = ()) -> Scene:
         """Return the scene of groups and of all options of another one, `Scene.options`, which are not checked."""
         made = cls.__new__(cls)
-        made._make(groups, dict(options))
+        made._make(groups, dict(options), colors or (None,) * len(groups))
         return made
 
     def _make(
         self,
         groups: Groups,
         options: dict[str, Any],
+        colors: Colorings,
         quality: PictureQuality | None = None,
         native: _sheetsplat.Scene | None = None,
     ) -> None:
         self._groups, self._options, self._quality, self._native = groups, options, quality, native
+        self._colors = colors
         self._sums = None
 
     def check(self) -> None:
@@ -170,19 +232,33 @@ class Scene:
         """Return fields, transfer function, role, and number of the set of labels of each native group."""
         made: list[tuple[Any, Any, str, int]] = []
         for number, (fields, function) in enumerate(self._groups):
-            labels = [one for one in fields if isinstance(one, RegularField) and one.labels]
-            if not labels:
-                made.append(([one.native for one in fields], function.native, "shown", number))
-                continue
-            if len(fields) > 1:
+            apart = [one for one in fields if isinstance(one, RegularField) and (one.labels or one.colored)]
+            if apart and len(fields) > 1:
                 raise complain(
-                    "Scene: labels cannot be added up",
-                    f"{len(fields)} fields in one group, one of them of labels",
-                    "a field of labels in a group of its own",
+                    f"Scene: {'labels' if apart[0].labels else 'colours'} cannot be added up",
+                    f"{len(fields)} fields in one group",
+                    "a field of labels or colours in a group of its own",
                     "Scene([volume, labels], [tf, LabelColors(...)])",
                 )
-            made += [(*group, number) for group in groups_of(labels[0], function)]
+            if apart and apart[0].labels:
+                made += [(*group, number) for group in groups_of(apart[0], function)]
+                continue
+            made.append(([one.native for one in fields], function.native, "shown", number))
+            if TRAITS[self.mode].is_scalar:
+                continue
+            if apart:
+                made += [([one], ramp.native, "colors", number) for one, ramp in _components(apart[0], self.mode)]
+            if (coloring := self._colors[number]) is not None:
+                opaque = coloring[1].points.copy()
+                opaque[:, 4] = 1.0
+                natives = [one.native for one in coloring[0]]
+                made.append((natives, TransferFunction(opaque).native, "colors", number))
         return made
+
+    @property
+    def color_by(self) -> Colorings:
+        """For each group the fields that give it colours, with their transfer function; None: it has its own."""
+        return self._colors
 
     @property
     def sums(self) -> tuple[Scene, Scene] | None:
@@ -241,12 +317,14 @@ class Scene:
 
     def sketch(self, **changes: Any) -> Scene:
         """Return what `replace` does, but for `check`."""
-        check_names("Scene.replace", changes, SceneOptions, ("field", "transfer_function"))
+        check_names("Scene.replace", changes, SceneOptions, ("field", "transfer_function", "color_by"))
         own = len(self._groups) > 1
         # One transfer function in place of several classifies the sum of all fields.
         functions = changes.pop("transfer_function", self.transfer_functions if own else self.transfer_function)
         fields = changes.pop("field", self.groups if own and _is_several(functions) else self.fields)
-        return Scene.sketched(fields, functions, {**self._options, **changes})
+        same = len(self._colors) == (len(functions) if _is_several(functions) else 1)
+        colors = changes.pop("color_by", self._colors if same and any(self._colors) else None)
+        return Scene.sketched(fields, functions, {**self._options, **changes}, colors)
 
     @property
     def quality(self) -> PictureQuality | None:
@@ -256,7 +334,7 @@ class Scene:
     def with_quality(self, quality: PictureQuality | None) -> Scene:
         """Return the same scene with what a quality set, which its plans then say; it does not count for equality."""
         made = Scene.__new__(Scene)
-        made._make(self._groups, self._options, quality, self._native)
+        made._make(self._groups, self._options, self._colors, quality, self._native)
         return made
 
     @property

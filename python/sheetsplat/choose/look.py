@@ -46,6 +46,8 @@ _SAY_WHAT_IS_MEANT = ("transfer_function", "opacity", "clim", "iso_value", "scal
 HEAD_LIGHT = Light(direction=(-0.3, 0.4, 1.0))
 SHINY = Material(ambient=0.3, diffuse=0.85, specular=0.3, shininess=24.0, two_sided=True)
 # Scalar modes do not use it, but a scene has one.
+# Of volumes of colours: as opaque as they say.
+_IDENTITY = TransferFunction([(0.0, 0.0, 0.0, 0.0, 0.0), (1.0, 1.0, 1.0, 1.0, 1.0)])
 _COLORLESS = TransferFunction([(0.0, 1.0, 1.0, 1.0, 0.0), (1.0, 1.0, 1.0, 1.0, 1.0)])
 
 
@@ -74,7 +76,9 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
         given["iso_value"] = chosen().surface if iso is None else iso_value_of("render: iso_value", iso)
     shown: Any = list(fields)
     function: Any
-    if named and options.get("transfer_function") is None:
+    if len(fields) == 1 and options.get("transfer_function") is None and is_colored(fields[0]) and mode in COLORED:
+        function, look = _IDENTITY, None
+    elif named and options.get("transfer_function") is None:
         function, look = [LabelColors.distinct(one.labels_found) for one in named], None
         if measures:
             own, look = _transfer_function(measures, mode, given.get("iso_value"), options, chosen)
@@ -95,7 +99,7 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
     given.setdefault("material", SHINY)
     if given.get("ambient_occlusion") is True:
         given["ambient_occlusion"] = AmbientOcclusion(_surroundings(fields))
-    scene = Scene.sketched(shown, function, given)
+    scene = Scene.sketched(shown, function, given, _coloring(options, len(shown) if shown is not fields else 1))
     if chooses_spacing:
         _warn_of_strays(scene)
     if all(options.get(name) is None for name in _SAY_WHAT_IS_MEANT):
@@ -104,6 +108,25 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
     if scene.options["shadows"] and mode in COLORED and not scene.lights:
         warn(option_ref("shadows", "true") + " changes nothing where there are no lights")
     return scene
+
+
+def _coloring(options: Mapping[str, Any], groups: int) -> Any:
+    """Return what gives the first group its colours, for `Scene`; None: nothing."""
+    field, cmap = options.get("color_by"), options.get("color_map")
+    if field is None or options.get("mode", MODES[0]) not in COLORED:
+        return None
+    if isinstance(field, Field):
+        if not isinstance(cmap, TransferFunction):
+            cmap = TransferFunction.from_colormap(
+                DEFAULT_CMAP if cmap is None else cmap, 1.0, automatic.choose([field]).clim
+            )
+        field = (field, cmap)
+    return [field, *[None] * (groups - 1)] if groups > 1 else field
+
+
+def is_colored(field: Field) -> bool:
+    """Return whether a field's samples are colours."""
+    return isinstance(field, RegularField) and field.colored
 
 
 def is_labelled(field: Field) -> TypeGuard[RegularField]:

@@ -69,6 +69,8 @@ def choose(
     usual = without_strays(in_decades(fields, look, log), look, framed=framed)
     with_kernels = [with_kernel(one, asked, made=made, mode=look.get("mode")) for one in usual]
     kernels = tuple(decision for _, decided in with_kernels for decision in decided)
+    if isinstance(look.get("color_by"), Field):
+        look = {**look, "color_by": with_kernel(look["color_by"], asked, made=made)[0]}
     # The camera decides on them.
     of_camera = ("filter", "depth_cue") if is_auto(look.get("depth_cue")) else ("filter",)
     given: Any = {name: value for name, value in look.items() if name not in of_camera}

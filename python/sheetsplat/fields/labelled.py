@@ -1,4 +1,4 @@
-"""Volumes of labels, whole numbers that name things: which there are. Conventions, section 4 (Labels)."""
+"""Volumes whose samples are no values: labels, which name things, and colours. Conventions, section 4."""
 
 from __future__ import annotations
 
@@ -52,6 +52,43 @@ def labels_in(values: NDArray[Any]) -> tuple[int, ...]:
             option="labels",
         )
     return tuple(int(one) for one in found)
+
+
+def split_colors(values: Any) -> tuple[Any, NDArray[Any] | None]:
+    """Return the scalars of samples of colours, float32, and the colours; of anything else itself, and None.
+
+    Raises
+    ------
+    InvalidInput
+        For colours beyond 0 to 1.
+    OutOfMemory
+        Where the scalars do not fit.
+    """
+    if not isinstance(values, np.ndarray) or values.ndim != 4 or values.shape[-1] not in (3, 4) or not values.size:
+        return values, None
+    integers = values.dtype in (np.uint8, np.uint16)
+    outside = not integers and not (values.dtype.kind == "f" and values.min() >= 0.0 and values.max() <= 1.0)
+    if outside:
+        raise complain(
+            "RegularField: colours cannot be used",
+            f"{values.shape[-1]} components of type {values.dtype}, from {values.min():g} to {values.max():g}",
+            "red, green, blue and if wanted opacity: uint8, uint16, or numbers from 0 to 1",
+            "choose one component, values[..., 0], or divide by the largest",
+        )
+    _memory.require(4 * values[..., 0].size * 2, "the opacities of colours")
+    full = float(np.iinfo(values.dtype).max) if integers else 1.0
+    shares = (0.0, 0.0, 0.0, 1.0) if values.shape[-1] == 4 else _LUMINANCE
+    scalars = np.zeros(values.shape[:3], np.float32)
+    for channel, share in enumerate(shares):
+        if share:
+            scalars += np.float32(share / full) * values[..., channel].astype(np.float32)
+    colors = np.array(values[..., :3])
+    colors.flags.writeable = False
+    return scalars, colors
+
+
+# Of linear red, green and blue.
+_LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 
 def with_labels(values: Any, options: Mapping[str, Any]) -> dict[str, Any]:

@@ -31,7 +31,7 @@ PLAIN_KERNEL = (2.0, 5.0)
 # All that a field is made of, beside its samples and coefficients.
 PARTS = (
     *("_spacing", "_origin", "_lattice", "_radius", "_falloff", "_normalization", "_w0", "_nan", "_settled"),
-    *("_boundary", "_base", "_axes", "_labels"),
+    *("_boundary", "_base", "_axes", "_labels", "_colors"),
 )
 # Lattices are the same where no sample lies farther from its like, in the shortest step.
 _ALIKE = 1e-3
@@ -148,7 +148,9 @@ class RegularField(Field):
     ----------
     values
         Array of shape (nk, nj, ni), anything that NumPy can read. uint8, int16, uint16, float32 and float64 are kept as
-        they are; other real types are converted to one of these without loss; masked entries count as NaN.
+        they are; other real types are converted to one of these without loss; masked entries count as NaN. Of shape
+        (nk, nj, ni, 3) or (nk, nj, ni, 4): red, green, blue and opacity, uint8, uint16 or numbers from 0 to 1; the
+        scalar is the opacity from 0 to 1, without a fourth component 0.2126 red + 0.7152 green + 0.0722 blue.
     spacing
         World units between samples along x, y, z; for ``lattice="bcc"`` its first entry is the edge a.
     origin
@@ -206,8 +208,8 @@ class RegularField(Field):
     """
 
     __slots__ = (
-        *("_axes", "_base", "_boundary", "_label_parts", "_labels", "_lattice", "_nan", "_origin", "_radius"),
-        *("_settled", "_spacing"),
+        *("_axes", "_base", "_boundary", "_colors", "_labels", "_lattice", "_nan", "_origin", "_parts_made"),
+        *("_radius", "_settled", "_spacing"),
     )
     native: _sheetsplat.RegularField
 
@@ -243,7 +245,8 @@ class RegularField(Field):
         self._base = optional_number("RegularField: base", base)
         self._settled = prefilter is not None
         self._labels = truth("RegularField: labels", labels)
-        self._label_parts: dict[int | str, Any] = {}
+        self._parts_made: dict[Any, Any] = {}
+        values, self._colors = labelled.split_colors(values)
         wanted = prefilter is not None and truth("RegularField: prefilter", prefilter)
         if wanted and self._normalization == "none":
             # That of the coefficients: the base is the one of the samples.
@@ -252,6 +255,8 @@ class RegularField(Field):
         if self._labels:
             mixing: Any = {"prefilter": (wanted, False), "normalization": (self._normalization, "lattice")}
             labelled.require_labels(samples, **mixing, base=(self._base or 0.0, 0.0))
+        if self._colors is not None:
+            self._base = 0.0
         self.native = self._made(samples, prefilter=wanted)
         if self.prefilter:
             self._normalization = "none"
@@ -306,7 +311,7 @@ class RegularField(Field):
         }
 
     def _restore(self, parts: dict[str, Any]) -> None:
-        self._label_parts = {}
+        self._parts_made = {}
         for name in PARTS:
             setattr(self, name, parts[name])
         self.native = self._made(
@@ -331,10 +336,13 @@ class RegularField(Field):
         """
         options = {name.removeprefix("_"): getattr(self, name) for name in PARTS}
         options["prefilter"] = self.prefilter if options.pop("settled") else None
+        colors = options.pop("colors")
         if self.prefilter:
             # The one that it set itself.
             del options["normalization"]
         made = RegularField(self.values if values is None else values, **one_place({**options, **changes}, changes))
+        if values is None:
+            made._colors = colors
         return made._told_by(self)
 
     def _told_by(self, other: RegularField) -> Self:
@@ -465,9 +473,9 @@ class RegularField(Field):
     @property
     def labels_found(self) -> tuple[int, ...]:
         """The labels among the samples, from the least one on. InvalidInput for more than are told apart."""
-        if "found" not in self._label_parts:
-            self._label_parts["found"] = labelled.labels_in(self.values)
-        found: tuple[int, ...] = self._label_parts["found"]
+        if "found" not in self._parts_made:
+            self._parts_made["found"] = labelled.labels_in(self.values)
+        found: tuple[int, ...] = self._parts_made["found"]
         return found
 
     def part_of_label(self, label: int) -> _sheetsplat.RegularField:
@@ -478,10 +486,31 @@ class RegularField(Field):
         OutOfMemory
             Where it does not fit.
         """
-        if label not in self._label_parts:
+        if label not in self._parts_made:
             _memory.require(2 * self.values.size, f"the volume of label {label}")
-            self._label_parts[label] = self._made((self.values == label).astype(np.uint8), base=0.0)
-        made: _sheetsplat.RegularField = self._label_parts[label]
+            self._parts_made[label] = self._made((self.values == label).astype(np.uint8), base=0.0)
+        made: _sheetsplat.RegularField = self._parts_made[label]
+        return made
+
+    @property
+    def colored(self) -> bool:
+        """Whether samples are colours: `values` are then how opaque they are."""
+        return self._colors is not None
+
+    @property
+    def full_color(self) -> float:
+        """What full red, green and blue are in `part_of_color`."""
+        assert self._colors is not None
+        return 1.0 if self._colors.dtype.kind == "f" else float(np.iinfo(self._colors.dtype).max)
+
+    def part_of_color(self, channel: int) -> _sheetsplat.RegularField:
+        """Return the native field of red, green or blue, 0 to 2, made once. OutOfMemory where it does not fit."""
+        assert self._colors is not None
+        key = "color", channel
+        if key not in self._parts_made:
+            samples = np.ascontiguousarray(self._colors[..., channel])
+            self._parts_made[key] = self._made(samples, prefilter=self.prefilter, base=0.0)
+        made: _sheetsplat.RegularField = self._parts_made[key]
         return made
 
     origin = Forwarded[Triple]("_origin", "World position of sample (0, 0, 0).")

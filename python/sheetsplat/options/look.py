@@ -1,10 +1,12 @@
 """The options from which the transfer function and the light are made."""
 
+import os
 from collections.abc import Sequence
-from typing import Annotated, TypedDict
+from typing import Annotated, Any, TypedDict
 
 from numpy.typing import ArrayLike
 
+from sheetsplat.fields import Field
 from sheetsplat.options.core import COLORED, COMPOSITE, SCALAR, CommandLine, Option, definitions
 from sheetsplat.options.scene import SceneOptions
 from sheetsplat.options.values import Numbers, Special
@@ -53,6 +55,34 @@ class TransferOptions(TypedDict, total=False):
             accepts="two numbers",
             in_values=True,
             value=Numbers("LOW,HIGH", 2, rising=True),
+        ),
+    ]
+    color_by: Annotated[
+        str | os.PathLike[str] | ArrayLike | Field | Any | None,
+        Option(
+            "Another field gives the colours, by {color_map}; opacities, surfaces and light stay those of the data. "
+            "The name of another array in the file, a path, a field, numbers of the data's shape, or a pair (field, "
+            "transfer function).",
+            unset="the data themselves",
+            accepts="str, path, array, Field or pair",
+            modes=COLORED,
+            cli=(
+                CommandLine(
+                    value=Special.TEXT,
+                    metavar="NAME",
+                    help="Another array of the file, or another file, gives the colours, by {color_map}.",
+                ),
+            ),
+        ),
+    ]
+    color_map: Annotated[
+        Colormap | TransferFunction | None,
+        Option(
+            "Colours of {color_by}: a colormap over the values that it shows most of, or a transfer function.",
+            unset=f'"{DEFAULT_CMAP}"',
+            accepts="str, sequence of str, array, function or TransferFunction",
+            modes=COLORED,
+            cli=(CommandLine(value=Special.COLORMAP, help="Colormap of {color_by}.", default=DEFAULT_CMAP),),
         ),
     ]
     log_scale: Annotated[

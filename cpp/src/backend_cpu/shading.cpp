@@ -7,10 +7,10 @@
 #include <glm/geometric.hpp>
 
 #include "backend_cpu/number.hpp"
+#include "light/surface_lines.hpp"
 #include "plan/make_plan.hpp"
 #include "scene/mode_rules.hpp"
 #include "view/shading_inputs.hpp"
-#include "light/surface_lines.hpp"
 
 namespace sheetsplat::backend_cpu {
 
@@ -197,8 +197,7 @@ Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& f
     const bool surface = shows_surfaces(plan.mode);
     const bool opaque = std::all_of(shading.groups.begin(), shading.groups.end(),
                                     [](const GroupShading<T>& group) { return all_opaque(group.surfaces); });
-    shading.several_surfaces =
-        surface && (groups.size() > 1 || shading.groups.front().surfaces.size() != 1 || !opaque);
+    shading.several_surfaces = surface && (groups.size() > 1 || shading.groups.front().surfaces.size() != 1 || !opaque);
     // Of opaque isosurfaces every pixel that has one is opaque.
     shading.stop = surface && opaque ? T(0.5) : static_cast<T>(inputs.opacity_stop);
     shading.scalar_step = number<T>(inputs.scalar_step);

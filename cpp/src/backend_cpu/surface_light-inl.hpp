@@ -14,9 +14,9 @@
 #include "backend_cpu/shading.hpp"
 #include "effect_row-inl.hpp"
 #include "hwy/highway.h"
+#include "light/surface_lines.hpp"
 #include "light_volume-inl.hpp"
 #include "math-inl.hpp"
-#include "light/surface_lines.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {

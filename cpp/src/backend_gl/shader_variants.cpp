@@ -202,11 +202,12 @@ LineCounts line_counts(const DrawPlan& plan, const Scene& scene) {
     std::ptrdiff_t shown = 0;
     for (std::size_t group = 0; group <= scene.later_groups.size(); ++group) {
         const std::vector<IsoValue> values = iso_values_of(scene, group);
-        shown = std::max(shown, std::count_if(values.begin(), values.end(),
-                                              [](const IsoValue& iso) { return iso.opacity > 0.0; }));
+        shown = std::max(
+            shown, std::count_if(values.begin(), values.end(), [](const IsoValue& iso) { return iso.opacity > 0.0; }));
     }
     std::size_t of_end = 0;
-    for (const std::optional<Parallelepiped>& end : scene.counted ? scene.counted->ends : std::vector<std::optional<Parallelepiped>>{}) {
+    for (const std::optional<Parallelepiped>& end :
+         scene.counted ? scene.counted->ends : std::vector<std::optional<Parallelepiped>>{}) {
         of_end = std::max(of_end, Clip{{}, end}.half_spaces().size());
     }
     return {scene.later_groups.size() + 1, static_cast<std::size_t>(shown), scene.clip.half_spaces().size() + of_end};

@@ -123,32 +123,13 @@ constexpr double filter_rounding = 1e-9;
 
 bool lie_alike(const RegularField& a, const RegularField& b) {
     return a.shape() == b.shape() && a.lattice() == b.lattice() && a.steps() == b.steps() &&
-           a.position(0, 0, 0) == b.position(0, 0, 0);
+           a.position(0, 0, 0) == b.position(0, 0, 0) && a.options().radius == b.options().radius;
 }
 
-/// Of a label that is not shown: the fields of those of its set that are, beside which alone it matters. None where
-/// their samples do not lie on one lattice.
-std::vector<std::shared_ptr<const Field>> labels_near(const Scene& scene, std::size_t number) {
-    const std::vector<Group> groups = groups_drawn(scene);
-    const std::size_t own = group_drawn_of(scene, number);
-    if (groups[own].use.role != GroupRole::compared) {
-        return {};
-    }
-    std::vector<std::shared_ptr<const Field>> near;
-    const RegularField* lattice = as_regular(scene.fields[number].get());
-    for (const GroupRange& set : label_sets(groups)) {
-        for (std::size_t group = set.first; group < set.last && own >= set.first && own < set.last; ++group) {
-            const std::shared_ptr<const Field>& field = scene.fields[groups[group].first];
-            const RegularField* other = as_regular(field.get());
-            if (lattice == nullptr || other == nullptr || !lie_alike(*lattice, *other)) {
-                return {};
-            }
-            if (groups[group].use.role == GroupRole::label) {
-                near.push_back(field);
-            }
-        }
-    }
-    return near;
+bool lie_alike(const EllipsoidField& a, const EllipsoidField& b) {
+    const EllipsoidArrays &one = a.arrays(), &other = b.arrays();
+    return one.centers == other.centers && one.radii == other.radii && one.scales == other.scales &&
+           one.rotations == other.rotations;
 }
 
 VisibilityQuery query_of(std::size_t number, const Scene& scene, const DrawPlan& plan, const Frame& frame) {
@@ -168,9 +149,6 @@ VisibilityQuery query_of(std::size_t number, const Scene& scene, const DrawPlan&
         if (iso.opacity > 0.0 && !serves) {
             query.iso_values.push_back(iso.value);
         }
-    }
-    if (!plan.coverage) {
-        query.only_near = labels_near(scene, number);
     }
     query.alone = group.last - group.first == 1;
     query.cubic = plan.second_order && plan.preintegration;
@@ -225,14 +203,75 @@ bool Decision::answers(const VisibilityQuery& other) const {
     const TransferFunction* function = other.transfer_function;
     return (function == nullptr ? points.empty() : same(points, function->points())) &&
            query.weights_matter == other.weights_matter && query.reach_matters == other.reach_matters &&
-           query.cull == other.cull && query.only_near == other.only_near && query.isosurface == other.isosurface && query.iso_values == other.iso_values &&
-           query.alone == other.alone && query.cubic == other.cubic && reaches(query.filter_gain, other.filter_gain) &&
-           reaches(query.reach_world, other.reach_world);
+           query.cull == other.cull && query.only_near == other.only_near && query.isosurface == other.isosurface &&
+           query.iso_values == other.iso_values && query.alone == other.alone && query.cubic == other.cubic &&
+           reaches(query.filter_gain, other.filter_gain) && reaches(query.reach_world, other.reach_world);
+}
+
+bool FieldIndex::lies_alike(const std::shared_ptr<const Field>& a, const std::shared_ptr<const Field>& b) {
+    for (const Alike& known : alike_) {
+        if (known.one.lock() == a && known.other.lock() == b) {
+            return known.same;
+        }
+    }
+    const RegularField *lattice = as_regular(a.get()), *beside = as_regular(b.get());
+    const EllipsoidField *kernels = as_ellipsoids(a.get()), *others = as_ellipsoids(b.get());
+    const bool same = lattice != nullptr && beside != nullptr   ? lie_alike(*lattice, *beside)
+                      : kernels != nullptr && others != nullptr ? lie_alike(*kernels, *others)
+                                                                : false;
+    alike_.erase(std::remove_if(alike_.begin(), alike_.end(),
+                                [](const Alike& known) { return known.one.expired() || known.other.expired(); }),
+                 alike_.end());
+    alike_.push_back({a, b, same});
+    return same;
+}
+
+std::vector<SeenBeside> FieldIndex::seen_beside(std::size_t number, const Scene& scene, const DrawPlan& plan,
+                                                const Frame& frame) {
+    const std::vector<Group> groups = groups_drawn(scene);
+    const std::size_t own = group_drawn_of(scene, number);
+    const std::shared_ptr<const Field>& field = scene.fields[number];
+    std::vector<SeenBeside> near;
+    if (plan.coverage || !plan.culling) {
+        return near;
+    }
+    if (groups[own].use.role == GroupRole::compared && as_regular(field.get()) != nullptr) {
+        for (const GroupRange& set : label_sets(groups)) {
+            for (std::size_t group = set.first; group < set.last && own >= set.first && own < set.last; ++group) {
+                const std::shared_ptr<const Field>& other = scene.fields[groups[group].first];
+                if (!lies_alike(field, other)) {
+                    return {};
+                }
+                if (groups[group].use.role == GroupRole::label) {
+                    near.push_back({other});
+                }
+            }
+        }
+    }
+    if (groups[own].use.role == GroupRole::colors) {
+        std::size_t shown = own;
+        while (groups[shown].use.role == GroupRole::colors) {
+            --shown;
+        }
+        const std::shared_ptr<const Field>& other = scene.fields[groups[shown].first];
+        const VisibilityQuery query = query_of(groups[shown].first, scene, plan, frame);
+        const bool alone = query.alone && groups[own].last - groups[own].first == 1;
+        if (!alone || plan.filter || (!query.isosurface && shows_at_base(groups[shown])) || !lies_alike(field, other)) {
+            return near;
+        }
+        const VisibleFrom from = visible_from(query);
+        const auto first = [](double x) { return x <= std::numeric_limits<double>::denorm_min() ? 0.0 : x; };
+        const RegularField* lattice = as_regular(other.get());
+        const double weight = lattice != nullptr ? largest_weight(*lattice, query.filter_gain) : 1.0;
+        near.push_back({other, first(from.above) / weight, first(from.below) / weight});
+    }
+    return near;
 }
 
 const RunsEntry& FieldIndex::runs_of(std::size_t number, const Scene& scene, const DrawPlan& plan, const Frame& frame) {
     const std::shared_ptr<const Field>& field = scene.fields[number];
     VisibilityQuery query = query_of(number, scene, plan, frame);
+    query.only_near = seen_beside(number, scene, plan, frame);
     const std::size_t copy = copies_before(scene, number);
     const auto found = std::find_if(runs_.begin(), runs_.end(), [&](const std::unique_ptr<RunsEntry>& entry) {
         return entry->copy == copy && entry->field.lock() == field;
@@ -294,6 +333,7 @@ const GridEntry& FieldIndex::grid_of(std::size_t number, const Scene& scene, con
         entry->starts = std::make_unique<StartCells>(StartCells::of(*entry->kernels, entry->grid));
     }
     VisibilityQuery query = query_of(number, scene, plan, frame);
+    query.only_near = seen_beside(number, scene, plan, frame);
     if (entry->decided) {
         if (entry->decided->answers(query)) {
             return *entry;
@@ -303,7 +343,14 @@ const GridEntry& FieldIndex::grid_of(std::size_t number, const Scene& scene, con
         query.reach_world = at_first(query.reach_world, frame);
     }
     query.reach_world *= reach_ahead(plan);
-    std::vector<std::uint8_t> visible = visible_kernels(*entry->kernels, entry->grid, query);
+    // Kernels of the same places and sizes matter where the others show.
+    const auto at = std::find_if(scene.fields.begin(), scene.fields.end(), [&](const auto& one) {
+        return !query.only_near.empty() && one == query.only_near.front().field;
+    });
+    std::vector<std::uint8_t> visible =
+        at != scene.fields.end()
+            ? grid_of(static_cast<std::size_t>(at - scene.fields.begin()), scene, plan, frame).visible
+            : visible_kernels(*entry->kernels, entry->grid, query);
     if (!entry->decided || visible != entry->visible) {
         entry->visible = std::move(visible);
         entry->visible_count =

@@ -64,10 +64,20 @@ class FieldIndex {
     void forget_others(const std::vector<std::shared_ptr<const Field>>& fields, bool parts);
 
   private:
+    /// Two fields, and whether their kernels have the same places and sizes.
+    struct Alike {
+        std::weak_ptr<const Field> one, other;
+        bool same;
+    };
+    [[nodiscard]] bool lies_alike(const std::shared_ptr<const Field>& a, const std::shared_ptr<const Field>& b);
+    /// Of a group that is there for others: beside what alone its kernels matter; nothing where that is not known.
+    [[nodiscard]] std::vector<SeenBeside> seen_beside(std::size_t number, const Scene& scene, const DrawPlan& plan,
+                                                      const Frame& frame);
     [[nodiscard]] GridEntry* find_grid(const Field* field, std::size_t copy) const;
 
     std::vector<std::unique_ptr<RunsEntry>> runs_;
     std::vector<std::unique_ptr<GridEntry>> grids_;
+    std::vector<Alike> alike_;
     std::uint64_t versions_ = 0;
 };
 

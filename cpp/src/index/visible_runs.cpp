@@ -146,15 +146,16 @@ BitRows seeds_in_blocks(const T* values, const RegularField& field, const SeedTe
     return seeds;
 }
 
-/// The same of all samples of lattices like `field` that are not 0.
-BitRows seeds_in_others(const std::vector<std::shared_ptr<const Field>>& others, const Neighbourhood& neighbourhood) {
+/// The same of other lattices of the same samples.
+BitRows seeds_in_others(const std::vector<SeenBeside>& others, const Neighbourhood& neighbourhood) {
     BitRows all(neighbourhood.blocks());
-    for (const std::shared_ptr<const Field>& other : others) {
-        const RegularField& lattice = *as_regular(other.get());
+    for (const SeenBeside& other : others) {
+        const RegularField& lattice = *as_regular(other.field.get());
         std::visit(
             [&](const auto& samples) {
                 using T = typename std::decay_t<decltype(samples)>::value_type;
-                const SeedTest<T> test{least_from<T>(0.0, 0.0), greatest_to<T>(0.0, 0.0)};
+                const double base = lattice.counted_from();
+                const SeedTest<T> test{least_from<T>(other.above, base), greatest_to<T>(other.below, base)};
                 const BitRows own = seeds_in_blocks(samples.data(), lattice, test, neighbourhood);
                 for (std::size_t k = 0; k < neighbourhood.blocks()[0]; ++k) {
                     for (std::size_t j = 0; j < neighbourhood.blocks()[1]; ++j) {

@@ -53,9 +53,9 @@ LightAtPoints::LightAtPoints(const LitView& lit, const LightVolumes& volumes, co
                              std::vector<std::shared_ptr<const PointValues>> values)
     : scene_(lit.scene), camera_(lit.camera), frame_(lit.frame), plan_(lit.plan), volumes_(volumes),
       values_(std::move(values)), surfaces_(!volumes.groups.empty()), groups_(scene_.groups()),
-      label_sets_(label_sets(groups_)),
-      clipping_(scene_, camera_), cell_(cell_of(scene_)), box_(supports_world(scene_)),
-      lengths_(frame_.slice_spacing / frame_.reference_length), together_(steps_together(scene_)) {
+      label_sets_(label_sets(groups_)), clipping_(scene_, camera_), cell_(cell_of(scene_)),
+      box_(supports_world(scene_)), lengths_(frame_.slice_spacing / frame_.reference_length),
+      together_(steps_together(scene_)) {
     if (plan_.filter) {
         double wider = 0.0;
         for (const auto& field : scene_.fields) {

@@ -14,8 +14,8 @@
 #include "light/surface_lines.hpp"
 #include "light/volumes.hpp"
 #include "point_values.hpp"
-#include "scene/mode_rules.hpp"
 #include "reference/clip.hpp"
+#include "scene/mode_rules.hpp"
 #include "sheetsplat/light_volume.hpp"
 
 namespace sheetsplat {

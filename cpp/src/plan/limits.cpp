@@ -97,9 +97,9 @@ const std::vector<Limit>& limits() {
          "iso values times transfer functions: {} surfaces",
          "use fewer iso values",
          [](const Measures& m) {
-             return shows_surfaces(m.plan.mode) ? count(groups_drawn(m.scene).size() *
-                                                        std::max<std::size_t>(m.scene.iso_values.size(), 1))
-                                                : none;
+             return shows_surfaces(m.plan.mode)
+                        ? count(groups_drawn(m.scene).size() * std::max<std::size_t>(m.scene.iso_values.size(), 1))
+                        : none;
          },
          true},
         {"lights",

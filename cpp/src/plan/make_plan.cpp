@@ -360,9 +360,9 @@ DrawPlan make_plan(const Scene& scene, const ViewFacts& view, const RendererOpti
     state_fields(scene, effects);
     const bool visible_at_zero = is_composited(scene.mode) && !(scene.counted && scene.counted->filled) &&
                                  std::any_of(groups.begin(), groups.end(), shows_at_base);
-    const bool colored = std::any_of(groups.begin(), groups.end(), [](const Group& group) {
-                             return group.use.role == GroupRole::colors;
-                         }) && !(scene.counted && scene.counted->filled);
+    const bool colored = std::any_of(groups.begin(), groups.end(),
+                                     [](const Group& group) { return group.use.role == GroupRole::colors; }) &&
+                         !(scene.counted && scene.counted->filled);
     plan.threshold = threshold;
     plan.open_front = shows_surfaces(scene.mode) && view.frame.cut_by_near;
     plan.coverage = outputs.coverage;

@@ -16,7 +16,8 @@ namespace sheetsplat::reference {
 Surroundings::Surroundings(const CountedScene& counted, const Camera& camera, const Screen& screen,
                            const Clipping& clipping, double radius_factor)
     : counted_(counted), scene_(counted.scene()), clipping_(clipping), groups_(scene_.groups()),
-      label_sets_(label_sets(groups_)), spacing_(scene_.slice_distance()), lengths_(scene_.slice_distance() / scene_.reference_distance()) {
+      label_sets_(label_sets(groups_)), spacing_(scene_.slice_distance()),
+      lengths_(scene_.slice_distance() / scene_.reference_distance()) {
     for (std::size_t group = 0; group < groups_.size(); ++group) {
         ends_.emplace_back(counted.end_of_group(group), camera, spacing_);
     }

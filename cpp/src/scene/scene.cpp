@@ -82,12 +82,11 @@ void check_uses(const Scene& scene) {
 
 void check_iso_values(const Scene& scene) {
     const std::vector<Group> groups = scene.groups();
-    const bool needed = shows_surfaces(scene.mode) &&
-                        std::any_of(groups.begin(), groups.end(),
-                                    [](const Group& group) { return group.use.role == GroupRole::shown; });
-    require(!needed || !scene.iso_values.empty(),
-            option_ref("mode", "isosurface") + " needs a value", "no " + option_ref("iso_value"),
-            "the value of the surface", "pass " + option_ref("iso_value", "..."));
+    const bool needed = shows_surfaces(scene.mode) && std::any_of(groups.begin(), groups.end(), [](const Group& group) {
+                            return group.use.role == GroupRole::shown;
+                        });
+    require(!needed || !scene.iso_values.empty(), option_ref("mode", "isosurface") + " needs a value",
+            "no " + option_ref("iso_value"), "the value of the surface", "pass " + option_ref("iso_value", "..."));
     for (const IsoValue& iso : scene.iso_values) {
         require(is_finite(iso.value), cannot_use("iso_value"), text_of(iso.value), "a finite number");
         require(iso.opacity >= 0.0 && iso.opacity <= 1.0, cannot_use("iso_value"),

@@ -10,6 +10,16 @@
 
 namespace sheetsplat {
 
+/// A lattice beside whose samples something shows, and from which numbers on, counted from 0 or from its base.
+struct SeenBeside {
+    std::shared_ptr<const Field> field;
+    double above = 0.0, below = 0.0; ///< at f - b >= above and f - b <= -below; 0: at all that are not 0
+
+    friend bool operator==(const SeenBeside& a, const SeenBeside& b) {
+        return a.field == b.field && a.above == b.above && a.below == b.below;
+    }
+};
+
 struct VisibilityQuery {
     /// Of the field's group. Null: every value is visible (scalar modes).
     const TransferFunction* transfer_function = nullptr;
@@ -24,9 +34,9 @@ struct VisibilityQuery {
     /// transfer function is not used.
     bool isosurface = false;
     std::vector<double> iso_values;
-    /// Lattices of the same samples: unless there are none, only kernels matter that may share a visible point with a
-    /// sample of these that is not 0 (labels, conventions section 4).
-    std::vector<std::shared_ptr<const Field>> only_near;
+    /// Lattices of the same samples: unless there are none, only kernels matter that may share a visible point with one
+    /// of the samples that are said (labels, and fields that give colours: conventions, section 4).
+    std::vector<SeenBeside> only_near;
     bool alone = true; ///< false: other fields add to this one, so that only kernels that add nothing can be dropped
     /// Values between slices are looked at too, on cubics through four slices (conventions, second order): up to
     /// 9/16 + 9/16 + 1/16 + 1/16 times as large as the largest absolute value there.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from sheetsplat._checks import Triple, number, shown, triple
 from sheetsplat.errors import complain, unusable
 from sheetsplat.fields import EllipsoidField, Field, RegularField, Wrapping
+from sheetsplat.labels import LabelColors
 from sheetsplat.limits import in_front
 from sheetsplat.modes import TRAITS
+from sheetsplat.transfer import TransferFunction
 
 if TYPE_CHECKING:
     from sheetsplat.image import Image
     from sheetsplat.scene import Scene
-    from sheetsplat.transfer import TransferFunction
 
 Floats = NDArray[np.float64]
 # A crossing is looked for in so many parts of an interval, and in as many of the part that has it.
@@ -52,6 +53,8 @@ class Pick:
         where the picture left kernels out (`Field.trim`); of volumes the number of the sample in ``values.ravel()``.
     sample
         (k, j, i) of that sample; None for scattered kernels.
+    label, name
+        The label that is seen, which `value` is too, and what it is called; None for values.
 
     Examples
     --------
@@ -71,6 +74,8 @@ class Pick:
     field: int
     kernel: int
     sample: tuple[int, int, int] | None = None
+    label: int | None = None
+    name: str | None = None
 
 
 @dataclass(frozen=True)
@@ -167,6 +172,57 @@ def _as_summed(fields: tuple[Field, ...]) -> tuple[Field, ...]:
     )
 
 
+@dataclass(frozen=True)
+class _Shown:
+    """What is classified by itself: a group of fields, or a label."""
+
+    fields: tuple[Field, ...]
+    # Number of the first of them in the scene.
+    first: int
+    function: TransferFunction
+    surfaces: tuple[tuple[float, float], ...]
+    # Of a label, the volume of labels, and the other ones.
+    label: int | None = None
+    name: str | None = None
+    others: tuple[Field, ...] = ()
+
+    def at(self, points: Floats) -> _Samples:
+        """Return what is classified, at points; of a label how far it is above the largest of the others."""
+        own = _Samples.of(self.fields, points)
+        if self.label is None:
+            return own
+        largest, slopes = np.zeros(len(points)), np.zeros((len(points), 3))
+        for other in self.others:
+            value, slope, _ = other.probe(points)
+            above = value > largest
+            largest, slopes = np.where(above, value, largest), np.where(above[:, None], slope, slopes)
+        reached = own.reached & (own.values > 0.0)
+        return _Samples(own.values - largest, own.slopes - slopes, reached, own.inside, 0.0)
+
+
+def _shown_of(scene: Scene) -> list[_Shown]:
+    """Return what of a scene is classified by itself."""
+    found: list[_Shown] = []
+    first = 0
+    for fields, function in zip(scene.groups, scene.transfer_functions, strict=True):
+        volume = fields[0]
+        if isinstance(volume, RegularField) and volume.labels:
+            colors = LabelColors.of(function, volume.labels_found)
+            parts = {one: volume.field_of_label(one) for one in volume.labels_found}
+            for label, (*rgb, opacity) in colors.colors.items():
+                if label in parts:
+                    others = tuple(part for one, part in parts.items() if one != label)
+                    step = TransferFunction([(0.0, *rgb, 0.0), (0.0, *rgb, opacity), (1.0, *rgb, opacity)])
+                    name = colors.name_of(label)
+                    found.append(
+                        _Shown((parts[label],), first, step, ((0.0, opacity),), label=label, name=name, others=others)
+                    )
+        else:
+            found.append(_Shown(_as_summed(fields), first, function, scene.surfaces))
+        first += len(fields)
+    return found
+
+
 def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
     """Return what is seen at a pixel of a picture of a scene; see `Image.pick`."""
     width, height = image.size
@@ -179,9 +235,9 @@ def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
     points = ray.at(depths)
     visible = in_front(image.depth_limit, column, row, depths, plan.slice_spacing)
     kept, stop = scene.options["clip"].keeps(points) & visible, float(image.recipe.options["opacity_stop"])
-    fields_of = [_as_summed(fields) for fields in scene.groups]
     mode = TRAITS[scene.mode]
     if mode.is_scalar:
+        fields_of = [_as_summed(fields) for fields in scene.groups]
         all_fields = _Samples.sum_of(fields_of, points)
         shown_here = all_fields.reached & all_fields.inside & kept
         if not shown_here.any():
@@ -189,21 +245,21 @@ def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
         every = tuple(one for fields in fields_of for one in fields)
         seen = np.flatnonzero(shown_here)
         return _pick_at(every, 0, ray, float(depths[seen[mode.shown_at(all_fields.values[seen])]]), None)
-    groups = [_Samples.of(fields, points) for fields in fields_of]
+    things = _shown_of(scene)
+    groups = [thing.at(points) for thing in things]
     if mode.shows_surfaces:
         # Slices behind the last one are empty, but a surface may hide them.
         behind = depths[-1:] + plan.slice_spacing
         open_back = bool(in_front(image.depth_limit, column, row, behind, plan.slice_spacing)[0])
         beyond = ray.at(np.concatenate([depths[:1] - plan.slice_spacing, behind]))
         open_ends = np.array([not plan.cut_by_near, open_back])
-        ends = [(bool(front), bool(back)) for front, back in (open_ends & one[0].inside(beyond) for one in fields_of)]
-        found = _seen_surface(scene, groups, depths, kept, plan.slice_spacing, stop, ends)
-        return None if found is None else _surface_at(fields_of, ray, *found)
-    opacities = np.array(
-        [
-            _opacities(scene, function, group, kept)
-            for function, group in zip(scene.transfer_functions, groups, strict=True)
+        ends = [
+            (bool(front), bool(back)) for front, back in (open_ends & one.fields[0].inside(beyond) for one in things)
         ]
+        found = _seen_surface(things, groups, depths, kept, plan.slice_spacing, stop, ends)
+        return None if found is None else _surface_at(things[found[0].group], ray, *found)
+    opacities = np.array(
+        [_opacities(scene, thing.function, group, kept) for thing, group in zip(things, groups, strict=True)]
     )
     lengths = plan.slice_spacing * ray.stretch / scene.reference_length
     with np.errstate(divide="ignore"):
@@ -213,8 +269,7 @@ def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
         return None
     # The group that is most opaque there.
     which = int(opacities[:, n].argmax())
-    first = sum(map(len, fields_of[:which]))
-    return _pick_at(fields_of[which], first, ray, float(depths[n]), float(opacities[which, n]))
+    return _pick_of(things[which], ray, float(depths[n]), float(opacities[which, n]))
 
 
 def _opacities(scene: Scene, function: TransferFunction, group: _Samples, kept: NDArray[np.bool_]) -> Floats:
@@ -252,7 +307,7 @@ class _Crossing:
 
 
 def _seen_surface(
-    scene: Scene,
+    things: list[_Shown],
     groups: list[_Samples],
     depths: Floats,
     kept: NDArray[np.bool_],
@@ -272,24 +327,24 @@ def _seen_surface(
         both = np.concatenate([[front], own]) & np.concatenate([own, [back]])
         # Outside of all slices the scalar is the base.
         values = np.concatenate([[group.base], group.values, [group.base]])
-        for surface, (iso, opacity) in enumerate(scene.surfaces):
+        for surface, (iso, opacity) in enumerate(things[number_of_group].surfaces):
             below = values < iso
             for n in np.flatnonzero((below[1:] != below[:-1]) & both).tolist() if opacity > 0 else ():
                 place = (iso - values[n]) / (values[n + 1] - values[n])
                 start, end = float(ends[n]), float(ends[n + 1])
                 crossings.append(_Crossing(n, float(place), number_of_group, surface, start, end, bool(below[n])))
     crossings.sort(key=lambda one: (one.interval, one.place, one.group, one.surface))
-    seen = _seen(np.array([scene.surfaces[one.surface][1] for one in crossings]), stop)
-    return None if seen is None else (crossings[seen], *scene.surfaces[crossings[seen].surface])
+    surfaces = [things[one.group].surfaces[one.surface] for one in crossings]
+    seen = _seen(np.array([opacity for _, opacity in surfaces]), stop)
+    return None if seen is None else (crossings[seen], *surfaces[seen])
 
 
-def _surface_at(groups: list[tuple[Field, ...]], ray: _Ray, crossing: _Crossing, iso: float, opacity: float) -> Pick:
+def _surface_at(thing: _Shown, ray: _Ray, crossing: _Crossing, iso: float, opacity: float) -> Pick:
     """Return what is seen where a ray crosses a surface, whose place between the slices is found first."""
-    fields = groups[crossing.group]
     start, end = crossing.start, crossing.end
     for _ in range(2):
         inside = np.linspace(start, end, _PARTS + 1)
-        scalars = _Samples.of(fields, ray.at(inside)).values
+        scalars = thing.at(ray.at(inside)).values
         sides = scalars < iso
         # The ends are on their sides, whatever the field is beyond the last slice.
         sides[0], sides[-1] = crossing.below_first, not crossing.below_first
@@ -298,7 +353,16 @@ def _surface_at(groups: list[tuple[Field, ...]], ray: _Ray, crossing: _Crossing,
         here, there = float(scalars[m]), float(scalars[m + 1])
     share = (iso - here) / (there - here) if there != here else 0.5
     depth = start + min(max(share, 0.0), 1.0) * (end - start)
-    return _pick_at(fields, sum(map(len, groups[: crossing.group])), ray, depth, opacity)
+    return _pick_of(thing, ray, depth, opacity)
+
+
+def _pick_of(thing: _Shown, ray: _Ray, depth: float, opacity: float) -> Pick:
+    """Return what is seen of a group, or of a label, at a depth of a ray."""
+    found = _pick_at(thing.fields, thing.first, ray, depth, opacity)
+    if thing.label is None:
+        return found
+    slope = triple("gradient", thing.at(ray.at(np.asarray([depth]))).slopes[0])
+    return replace(found, value=float(thing.label), gradient=slope, label=thing.label, name=thing.name)
 
 
 def _pick_at(fields: tuple[Field, ...], first: int, ray: _Ray, depth: float, opacity: float | None) -> Pick:

@@ -86,7 +86,7 @@ def _colorings(color_by: object, groups: Groups) -> Colorings:
         if not isinstance(pair, tuple | list) or len(pair) != 2:
             raise complain(unusable("Scene: color_by"), shown(pair), wanted)
         field, function = pair
-        if any(isinstance(other, RegularField) and (other.labels or other.colored) for other in fields):
+        if any(isinstance(other, RegularField) and not other.has_values for other in fields):
             raise complain(
                 unusable("Scene: color_by"), f"group {number}, whose samples are colours or labels", "values"
             )
@@ -232,7 +232,7 @@ class Scene:
         """Return fields, transfer function, role, and number of the set of labels of each native group."""
         made: list[tuple[Any, Any, str, int]] = []
         for number, (fields, function) in enumerate(self._groups):
-            apart = [one for one in fields if isinstance(one, RegularField) and (one.labels or one.colored)]
+            apart = [one for one in fields if isinstance(one, RegularField) and not one.has_values]
             if apart and len(fields) > 1:
                 raise complain(
                     f"Scene: {'labels' if apart[0].labels else 'colours'} cannot be added up",

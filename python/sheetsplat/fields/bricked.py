@@ -138,6 +138,7 @@ class BrickedField(RegularField):
     ) -> None:
         self._quantity, self._opened, self._orientation = source.quantity, NOT_OPENED, source.orientation
         self._trim, self._prober, self._weighting = Trim(), None, None
+        self._labels, self._colors, self._parts_made = False, None, {}
         self._place(axes, spacing)
         self._origin = triple("open_bricks: origin", origin)
         self._lattice = choice("open_bricks: lattice", lattice, ("cartesian", "bcc"))

@@ -107,21 +107,24 @@ def look_like_labels(values: NDArray[Any]) -> bool:
     """
     seen = values[:: -(-values.shape[0] // _LAYERS)]
     # (Most volumes show in one layer that they are none.)
+    ranks: NDArray[np.int64]
+    counts: NDArray[np.int64]
     for part in (seen[len(seen) // 2], seen):
         whole = part.dtype.kind in "ui" or (bool(np.isfinite(part).all()) and np.array_equal(part, np.round(part)))
         if not whole or float(part.max()) - float(part.min()) > _WIDEST:
             return False
-        counts = np.bincount((part.ravel() - part.min()).astype(np.int64))
+        ranks = part.astype(np.int64) - int(part.min())
+        counts = np.bincount(ranks.ravel())
         if np.count_nonzero(counts) > _MOST_KINDS:
             return False
     if np.count_nonzero(counts) < _LEAST_KINDS:
         return False
-    ranks = (np.cumsum(counts > 0))[(seen - seen.min()).astype(np.int64)]
+    ranks = np.cumsum(counts > 0)[ranks]
     steps = np.concatenate([np.abs(np.diff(ranks, axis=axis)).ravel() for axis in (1, 2)])
-    apart = steps > 0
-    if not apart.any():
+    borders = steps > 0
+    if not borders.any():
         return False
-    return bool(apart.mean() <= _MOST_BORDERS and (steps[apart] > 1).mean() >= _LEAST_JUMPS)
+    return bool(borders.mean() <= _MOST_BORDERS and (steps[borders] > 1).mean() >= _LEAST_JUMPS)
 
 
 # Layers of a volume that are looked at; few and many labels; what float64 and a table hold.

@@ -471,6 +471,11 @@ class RegularField(Field):
     labels = Forwarded[bool]("_labels", "Whether samples are whole numbers that name things, which are never mixed.")
 
     @property
+    def has_values(self) -> bool:
+        """Whether samples are values, and neither labels nor colours."""
+        return not self._labels and self._colors is None
+
+    @property
     def labels_found(self) -> tuple[int, ...]:
         """The labels among the samples, from the least one on. InvalidInput for more than are told apart."""
         if "found" not in self._parts_made:
@@ -491,6 +496,10 @@ class RegularField(Field):
             self._parts_made[label] = self._made((self.values == label).astype(np.uint8), base=0.0)
         made: _sheetsplat.RegularField = self._parts_made[label]
         return made
+
+    def field_of_label(self, label: int) -> RegularField:
+        """Return the field that is 1 at the samples of a label and 0 elsewhere. OutOfMemory where it does not fit."""
+        return self._with(native=self.part_of_label(label), _labels=False, _base=0.0)
 
     @property
     def colored(self) -> bool:

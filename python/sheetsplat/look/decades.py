@@ -51,7 +51,7 @@ def in_decades(fields: Sequence[Field], look: Mapping[str, Any], log: Any) -> li
         What `log_base` and `itself` raise.
     """
     same = list(fields)
-    if any(isinstance(one, RegularField) and (one.labels or one.colored) for one in same):
+    if not all(one.has_values for one in same if isinstance(one, RegularField)):
         return same
     mode = look.get("mode", MODES[0])
     if _adds(mode):

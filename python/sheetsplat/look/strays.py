@@ -57,6 +57,8 @@ def without_strays(fields: Sequence[Field], look: Mapping[str, Any], *, framed: 
         Whether the camera is chosen by what is seen. One that is given may look at the strays.
     """
     shown = list(fields)
+    if not all(one.has_values for one in shown if isinstance(one, RegularField)):
+        return shown
     if look.get("mode", MODES[0]) in COLORED and not any(look.get(name) is not None for name in _FOR_LARGEST):
         shown = [_within(one, look.get("clim")) for one in shown]
         if look.get("clim") is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -401,6 +402,32 @@ class Image:
         from PIL import Image as Pillow
 
         return Pillow.fromarray(self._levels(255))
+
+    def show(self) -> None:
+        """Show the picture: below the cell of a notebook, else in the program of this machine that shows pictures.
+
+        Raises
+        ------
+        Unsupported
+            Where there is no such program, as on a machine without a display.
+        """
+        from PIL import ImageShow
+
+        # Only a notebook has imported it.
+        shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+        if hasattr(shell, "kernel"):
+            sys.modules["IPython"].display.display(self)
+            return
+        # Programs without a display tell that to the terminal, not to their caller.
+        has_display = sys.platform in ("win32", "darwin") or {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys()
+        if not has_display or not ImageShow.show(self.to_pil(), title="sheetsplat"):
+            raise complain(
+                "the picture cannot be shown",
+                "no program that shows pictures, or no display",
+                "one that Pillow finds, such as xdg-open",
+                "save it, or look at it in a notebook",
+                kind=Unsupported,
+            )
 
     @documented(AxesOptions)
     def to_axes(self, ax: Any = None, **options: Unpack[AxesOptions]) -> Any:

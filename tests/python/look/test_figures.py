@@ -5,12 +5,14 @@ from __future__ import annotations
 import io
 import pickle
 import sys
+import types
 
 import matplotlib
 import numpy as np
 import pytest
 from matplotlib.colors import LogNorm
 from PIL import Image as PillowImage
+from PIL import ImageShow
 
 import sheetsplat as ss
 from sheetsplat.color_bar import color_bars
@@ -237,6 +239,37 @@ def test_formats_with_too_few_pixels_leave_nothing(tmp_path):
 def test_notebooks_get_what_a_screen_shows(image):
     with PillowImage.open(io.BytesIO(image._repr_png_())) as found:
         assert np.array_equal(np.asarray(found), np.asarray(image, np.uint8))
+
+
+def test_pictures_are_shown(image, monkeypatch, capfd):
+    class Program(ImageShow.Viewer):
+        def show_image(self, shown, **options):
+            seen.append((np.asarray(shown), options["title"]))
+            return 1
+
+    seen: list[object] = []
+    monkeypatch.setattr(ImageShow, "_viewers", [Program()])
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert image.show() is None
+    ((shown, title),) = seen
+    assert np.array_equal(shown, np.asarray(image, np.uint8)) and title == "sheetsplat"
+    monkeypatch.setattr(ImageShow, "_viewers", [])
+    with pytest.raises(ss.Unsupported, match="cannot be shown.*save it"):
+        image.show()
+    monkeypatch.setattr(ImageShow, "_viewers", [Program()])
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.delenv("DISPLAY")
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(ss.Unsupported, match="no display"):
+        image.show()
+    # In a notebook, below the cell.
+    below: list[object] = []
+    notebook = types.SimpleNamespace(
+        get_ipython=lambda: types.SimpleNamespace(kernel=1), display=types.SimpleNamespace(display=below.append)
+    )
+    monkeypatch.setitem(sys.modules, "IPython", notebook)
+    image.show()
+    assert below == [image] and len(seen) == 1 and capfd.readouterr() == ("", "")
 
 
 def test_axes_have_units_and_a_colour_bar(image):

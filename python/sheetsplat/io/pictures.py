@@ -119,10 +119,12 @@ def whole_files(paths: Sequence[Path]) -> Iterator[list[Path]]:
 
 @contextlib.contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Replace the name of a temporary file in errors by `path`."""
+    """Replace the name of a temporary file in errors by `path`, but for those about options."""
     try:
         yield
     except Error as error:
+        if error.option is not None:
+            raise
         parts = error.complaint
         found = parts.found or parts.what
         raise complain(f"{path} cannot be written", found, parts.wanted, parts.advice, kind=type(error)) from None

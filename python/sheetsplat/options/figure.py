@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 from typing import Annotated, Any, TypedDict
 
-from sheetsplat._checks import number, shown, truth
+from sheetsplat._checks import nearest_names, number, shown, truth
 from sheetsplat._matplotlib import fonts, is_mathematics
 from sheetsplat.errors import complain, unusable
 from sheetsplat.options.checks import optional
-from sheetsplat.options.core import Option
+from sheetsplat.options.core import CommandLine, Option
+from sheetsplat.options.values import Real
 
 _LONGEST = 1000
 _LARGEST_FONT, _FINEST = 1000.0, 10_000.0
@@ -33,8 +34,8 @@ def _font(what: str, value: object) -> str:
     """Return the name of a font that matplotlib finds, or InvalidInput."""
     known = fonts()
     if not isinstance(value, str) or value.lower() not in known:
-        some = ", ".join(known[name] for name in sorted(known)[:8])
-        raise complain(unusable(what), shown(value), "a font of this machine", f"among them are {some} …")
+        advice = nearest_names(value, known) or 'such as "DejaVu Sans" or "serif"'
+        raise complain(unusable(what), shown(value), "a font of this machine", advice)
     return known[value.lower()]
 
 
@@ -58,6 +59,7 @@ class AxesOptions(TypedDict, total=False):
             "Where opacities count, its right half is as transparent as they are beside the largest one.",
             default=True,
             check=truth,
+            flag="--colorbar/--no-colorbar",
         ),
     ]
     title: Annotated[
@@ -71,6 +73,11 @@ class AxesOptions(TypedDict, total=False):
             unset="name and unit of the data",
             accepts="str or sequence of str",
             check=optional(_labels),
+            cli=(
+                CommandLine(
+                    help="Text beside the colour bar, which may hold TeX; repeated for several bars.", multiple=True
+                ),
+            ),
         ),
     ]
     font: Annotated[
@@ -83,6 +90,7 @@ class AxesOptions(TypedDict, total=False):
             "Size of letters in points, 1/72 inch.",
             unset="matplotlib's in axes, else 1/36 of the picture's height, 11 to 40 pixels",
             check=optional(_at_most(_LARGEST_FONT)),
+            value=Real(above=0.0, most=_LARGEST_FONT),
         ),
     ]
 
@@ -97,14 +105,19 @@ class FigureOptions(AxesOptions, total=False):
             "world units, and the directions of x, y and z where the view is not along one of them.",
             default=True,
             check=truth,
+            # The axes of data have the shorter spelling.
+            cli=(CommandLine("--figure-axes/--no-figure-axes", "axes_of_figure", default="--figure-axes"),),
         ),
     ]
-    scale_bar: Annotated[bool, Option("A bar of a round length in the picture.", default=False, check=truth)]
+    scale_bar: Annotated[
+        bool, Option("A bar of a round length in the picture.", default=False, check=truth, switch=True)
+    ]
     dpi: Annotated[
         float,
         Option(
             "Pixels of the picture in an inch: how large {font_size} is beside it.",
             default=100.0,
             check=_at_most(_FINEST),
+            value=Real(above=0.0, most=_FINEST),
         ),
     ]

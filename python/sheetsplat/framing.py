@@ -7,7 +7,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from sheetsplat._checks import Bounds, Triple, Vector, number, triple
+from sheetsplat._checks import Bounds, Triple, Vector, choice, number, triple
 from sheetsplat._checks import direction as axis_or_vector
 from sheetsplat.camera import Camera, Kind, bounds_of
 from sheetsplat.effects import DepthCue
@@ -17,7 +17,7 @@ from sheetsplat.look.measure import Floats
 from sheetsplat.look.visible import camera_axes, corners_of, visible_points
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import check_names, filled
-from sheetsplat.orientation import Z_UP, Orientation
+from sheetsplat.orientation import BY_Y, Z_UP, Orientation
 from sheetsplat.scene import Scene
 
 # Digits of positions that a picture needs at least, in slice distances: with fewer, kernels are not where they were.
@@ -137,6 +137,7 @@ def _framing_all(
     *,
     direction: Any,
     up: Any,
+    y: object,
     azimuth: float | None,
     elevation: float | None,
     zoom: float,
@@ -147,7 +148,8 @@ def _framing_all(
     """Return a camera whose target is the middle of what it shows."""
     # Without a kernel there is no box, and the picture is empty from anywhere.
     bounds: Bounds = ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0)) if _is_empty(thing) else bounds_of(thing)
-    view, upward = _view(direction, up, azimuth, elevation, orientation_of(thing))
+    stated = orientation_of(thing) if y is None else BY_Y[choice("render: y", y, tuple(BY_Y))]
+    view, upward = _view(direction, up, azimuth, elevation, stated)
     nearer = number("render: zoom", zoom)
     if not (math.isfinite(nearer) and nearer > 0):
         raise complain(unusable("render: zoom"), f"{nearer:g}", "a finite number above 0")

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -21,6 +22,8 @@ from sheetsplat.fields import has_values_at_points
 from sheetsplat.limits import Depths
 from sheetsplat.modes import TRAITS
 from sheetsplat.notices import warn
+from sheetsplat.options.core import documented
+from sheetsplat.options.figure import AxesOptions, FigureOptions
 from sheetsplat.options.renderer import Progress
 from sheetsplat.plan import RenderPlan
 from sheetsplat.scalar_colors import ScalarColors
@@ -400,17 +403,42 @@ class Image:
 
         return Pillow.fromarray(self._levels(255))
 
-    def to_axes(self, ax: Any = None, *, colorbar: bool = True, title: str | None = None) -> Any:
+    def show(self) -> None:
+        """Show the picture: below the cell of a notebook, else in the program of this machine that shows pictures.
+
+        Raises
+        ------
+        Unsupported
+            Where there is no such program, as on a machine without a display.
+        """
+        from PIL import ImageShow
+
+        # Only a notebook has imported it.
+        shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+        if hasattr(shell, "kernel"):
+            sys.modules["IPython"].display.display(self)
+            return
+        # Programs without a display tell that to the terminal, not to their caller.
+        has_display = sys.platform in ("win32", "darwin") or {"DISPLAY", "WAYLAND_DISPLAY"} & os.environ.keys()
+        if not has_display or not ImageShow.show(self.to_pil(), title="sheetsplat"):
+            raise complain(
+                "the picture cannot be shown",
+                "no program that shows pictures, or no display",
+                "one that Pillow finds, such as xdg-open",
+                "save it, or look at it in a notebook",
+                kind=Unsupported,
+            )
+
+    @documented(AxesOptions)
+    def to_axes(self, ax: Any = None, **options: Unpack[AxesOptions]) -> Any:
         """Show the picture in axes of matplotlib, with a colour bar in units of the data.
 
         Parameters
         ----------
         ax
             The axes; those of a new figure of pyplot unless given.
-        colorbar
-            Whether to draw a colour bar beside it; its scale is logarithmic where the colours are.
-        title
-            Text above.
+        **options
+            Those of AxesOptions.
 
         Returns
         -------
@@ -420,38 +448,56 @@ class Image:
 
         Raises
         ------
+        InvalidInput
+            For fonts that are not there, and what is no text or number.
         Unsupported
             Where matplotlib is not installed; it comes with ``pip install "sheetsplat[plot]"``.
         """
         from sheetsplat.figure import to_axes
 
-        return to_axes(self, ax, colorbar=colorbar, title=title)
+        return to_axes(self, ax, options)
 
-    def annotated(
-        self, *, colorbar: bool = True, axes: bool = True, scale_bar: bool = False, title: str | None = None
-    ) -> PillowImage:
+    @documented(FigureOptions)
+    def annotated(self, **options: Unpack[FigureOptions]) -> PillowImage:
         """Return the picture with what a figure needs, as an RGB image of Pillow; no pixel is scaled.
 
         Parameters
         ----------
-        colorbar
-            A colour bar in units of the data, with a line at each iso value.
-        axes
-            Axes in the plane through the camera's target, in coordinates of the data where these have some, else in
-            world units, and the directions of x, y and z where the view is not along one of them.
-        scale_bar
-            A bar of a round length in the picture.
-        title
-            Text above.
+        **options
+            Those of FigureOptions.
 
         Raises
         ------
-        Unsupported
-            Where matplotlib is not installed; it comes with ``pip install "sheetsplat[plot]"``.
+        InvalidInput, Unsupported
+            As `to_axes`.
         """
         from sheetsplat.figure import annotated
 
-        return annotated(self, colorbar=colorbar, axes=axes, scale_bar=scale_bar, title=title)
+        return annotated(self, options)
+
+    @documented(FigureOptions)
+    def save_figure(self, path: str | os.PathLike[str], **options: Unpack[FigureOptions]) -> None:
+        """Write the figure that `annotated` returns; the file appears whole or not at all.
+
+        Parameters
+        ----------
+        path
+            .pdf, .svg: letters and lines as such, the picture in its pixels. .png, .jpg, .tif, .webp: all in pixels.
+        **options
+            Those of FigureOptions.
+
+        Raises
+        ------
+        InvalidInput, Unsupported
+            As `to_axes`; InvalidInput for another suffix.
+        Error
+            Where the file cannot be written.
+        """
+        import sheetsplat.io.pictures as pictures
+        from sheetsplat.figure import save_figure
+
+        wanted = "a path that ends with " + pictures.listed_suffixes(pictures.FIGURES)
+        save_figure(self, file_path("the figure cannot be saved", path, wanted), options)
 
     def pick(self, x: float, y: float) -> Pick | None:
         """Return what is seen at a pixel: its position in the world, and the field there; None where nothing is seen.

@@ -132,5 +132,10 @@ class Orientation:
 
 #: Of what states nothing: z is up, the view isometric, as in PyVista and ParaView.
 Z_UP = Orientation()
+#: By where y points: downwards, and the first slice nearest, as programs for microscopes and photographs show stacks.
+BY_Y = {
+    "up": Orientation((0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    "down": Orientation((0.0, -1.0, 0.0), (0.0, 0.0, -1.0)),
+}
 #: Of what scanners in hospitals write by the convention of DICOM: x to the left, y to the back, z to the head.
 PATIENT = Orientation.anatomical("left", "posterior", "superior")

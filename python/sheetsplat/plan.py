@@ -10,6 +10,9 @@ from sheetsplat import _sheetsplat
 from sheetsplat._json import plain
 from sheetsplat._time_left import about
 
+# Letters in a line of a short plan.
+_COLUMNS = 100
+
 
 @dataclass(frozen=True)
 class Effect:
@@ -112,9 +115,9 @@ class PictureQuality:
         return [self.name, *map(str, self.settings)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class RenderPlan:
-    """The effects that run for one scene, camera and size. ``print(plan)`` prints a table.
+    """The effects that run for one scene, camera and size. ``print(plan)`` prints all of it, a notebook ten lines.
 
     Attributes
     ----------
@@ -223,6 +226,34 @@ class RenderPlan:
         report: dict[str, Any] = plain({**asdict(self), "expected_error": self.expected_error})
         return report
 
+    def __repr__(self) -> str:
+        """Return about ten lines, without reasons."""
+        on = ", ".join(one.name + " (forced)" * one.forced for one in self.effects if one.on)
+        off = ", ".join(f"{one.name} (forced)" for one in self.effects if one.forced and not one.on)
+        rows = [
+            ("backend", self.backend + (f", {self.device}" if self.device else "")),
+            ("picture", f"{self.size[0]} x {self.size[1]} pixels{self._samples()}, {self.precision}"),
+            ("slices", f"{self.slices}, {self.slice_spacing:g} apart"),
+            ("memory", f"{self.memory / 1e6:.1f} MB beside the fields"),
+            ("time", "" if self.expected_seconds is None else f"about {about(self.expected_seconds)}"),
+            ("note", "; ".join(self.notes)),
+            ("quality", "" if self.quality is None else self.quality.name),
+            ("effects", on or "none"),
+            ("off", off),
+            ("error", f"{self.expected_error:.1e} expected, root mean square" if self.error_budget else ""),
+        ]
+        lines = []
+        for name, text in rows:
+            lines += [f"{'' if n else name:<9}{part}" for n, part in enumerate(_short(text))]
+        return "\n".join([*lines, "print(plan) says why, and what is off"])
+
+    def _repr_html_(self) -> str:
+        """Return about ten lines for a notebook, which opens to the whole."""
+        import html
+
+        short, whole = html.escape(repr(self).rpartition("\n")[0]), html.escape(str(self))
+        return f"<pre>{short}</pre><details><summary>the whole plan</summary><pre>{whole}</pre></details>"
+
     def __str__(self) -> str:
         """Return a table."""
         rows = [
@@ -270,6 +301,13 @@ class RenderPlan:
             switch = "on " if effect.on else "off"
             lines.append(f"{effect.name:<{width}}  {switch}  {error:>7}{cost}  {effect.reason}{forced}")
         return lines
+
+
+def _short(text: str) -> list[str]:
+    """Return the lines of a text, two at most; none of an empty one."""
+    import textwrap
+
+    return textwrap.wrap(text, _COLUMNS, max_lines=2, placeholder=" …")
 
 
 def _cost(effect: Effect) -> str:

@@ -145,7 +145,9 @@ class TransferFunction:
     (0.0, 1.0)
     """
 
-    __slots__ = ("native",)
+    __slots__ = ("least", "native")
+    #: Least value of the data that the limits were chosen for, where colour bars begin; None for given limits.
+    least: float | None
 
     def __init__(self, points: ArrayLike) -> None:
         wanted = "rows of five numbers: value, r, g, b, opacity"
@@ -157,7 +159,7 @@ class TransferFunction:
         rows = found.astype(np.float64, copy=False)
         for strong in rows[:, 1:4][np.abs(rows[:, 1:4]) > STRONGEST][:1].tolist():
             strength("TransferFunction: a colour", strong)
-        self.native = _sheetsplat.TransferFunction(np.ascontiguousarray(rows))
+        self.native, self.least = _sheetsplat.TransferFunction(np.ascontiguousarray(rows)), None
 
     @classmethod
     def from_colormap(
@@ -255,6 +257,12 @@ class TransferFunction:
         """Value of the last point."""
         return self.native.v_max
 
+    def with_least(self, least: float | None) -> TransferFunction:
+        """Return the same function with another `least`, which does not count for equality."""
+        made = TransferFunction.__new__(TransferFunction)
+        made.native, made.least = self.native, least
+        return made
+
     @property
     def max_opacity(self) -> float:
         """Largest opacity anywhere."""
@@ -266,9 +274,9 @@ class TransferFunction:
         rows = self.native.at(np.ascontiguousarray(array.ravel()))
         return rows[:, 1:].reshape(*array.shape, 4)
 
-    def __reduce__(self) -> tuple[type[TransferFunction], tuple[Floats]]:
+    def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy by the points."""
-        return type(self), (self.points,)
+        return _of_points, (self.points, self.least)
 
     def __eq__(self, other: object) -> bool:
         """Return whether the points are the same."""
@@ -284,3 +292,8 @@ class TransferFunction:
             f"TransferFunction({len(self.points)} points, {self.v_min:g} to {self.v_max:g}, "
             f"opacity up to {self.max_opacity:g})"
         )
+
+
+def _of_points(points: Floats, least: float | None) -> TransferFunction:
+    """Return the function of what `TransferFunction.__reduce__` gave."""
+    return TransferFunction(points).with_least(least)

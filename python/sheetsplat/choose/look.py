@@ -19,7 +19,7 @@ from sheetsplat.light import Light, Material
 from sheetsplat.look import automatic
 from sheetsplat.look.histogram import Look
 from sheetsplat.look.strays import COARSE, kernel_spacing
-from sheetsplat.look.surface import surface_limits
+from sheetsplat.look.surface import range_of, surface_limits
 from sheetsplat.look.visible import corners_of
 from sheetsplat.look.weighted import is_weighted, sums_of
 from sheetsplat.modes import TRAITS
@@ -235,7 +235,9 @@ def _transfer_function(
         own: Any = look.opacity if clim is None else (0.0, look.top_opacity)
         cmap = look.cmap if cmap is None and clim is None else cmap
         opacity, clim = own if opacity is None else opacity, look.clim if clim is None else clim
-    return TransferFunction.from_colormap(DEFAULT_CMAP if cmap is None else cmap, opacity, clim), look
+    function = TransferFunction.from_colormap(DEFAULT_CMAP if cmap is None else cmap, opacity, clim)
+    least, largest = range_of(fields)
+    return function.with_least(least if options.get("clim") is None and least < largest else None), look
 
 
 def suggested_look(data: object, given: Mapping[str, object]) -> dict[str, Any]:

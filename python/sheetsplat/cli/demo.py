@@ -51,7 +51,7 @@ _LOOKS: dict[str, dict[str, Any]] = {
     type=click.Path(path_type=Path, dir_okay=False),
     default="sheetsplat-demo.png",
     show_default=True,
-    help="The picture: .png, .jpg, .tif, .webp, .exr or .npy. All but the last two get a colour bar.",
+    help="The picture: .png, .jpg, .tif, .webp, .pdf, .svg, .exr or .npy. All but the last two get a colour bar.",
 )
 @click.option(
     "--dataset", type=click.Choice(tuple(_LOOKS)), default="tubes", show_default=True, help="Generated data set."
@@ -84,7 +84,7 @@ def command(
     from sheetsplat.io import pictures
     from sheetsplat.renderer import Renderer
 
-    pictures.check_suffix(output)
+    pictures.check_suffix(output, (*pictures.FIGURES, *pictures.SUFFIXES))
     pictures.check_folder(output)
     # Unusable settings must fail before data is generated.
     renderer = Renderer(backend, threads=threads)
@@ -94,14 +94,19 @@ def command(
     with progress_bar(dataset, quiet=quiet) as progress:
         options: Any = {**_LOOKS[dataset], "quality": quality, "progress": progress}
         image = render(data, renderer=renderer, size=size, **options)
+    suffix, figure = output.suffix.lower(), None
     try:
-        figure = None if output.suffix.lower() in pictures.FLOATS else image.annotated(axes=False)
+        if suffix in pictures.VECTORS:
+            image.save_figure(output, axes=False)
+        elif suffix not in pictures.FLOATS:
+            figure = image.annotated(axes=False)
     except Unsupported as missing:
+        if suffix in pictures.VECTORS:
+            raise
         say(f"no colour bar: {missing.advice}", quiet=quiet)
-        figure = None
-    if figure is None:
+    if figure is None and suffix not in pictures.VECTORS:
         image.save(output)
-    else:
+    elif figure is not None:
         pictures.save_raster(np.asarray(figure), output, image.recipe.to_json())
     seconds = time.perf_counter() - began
     if as_json:

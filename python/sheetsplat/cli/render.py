@@ -7,15 +7,20 @@ from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
+from sheetsplat._matplotlib import require_matplotlib
 from sheetsplat.cli.cluster import brick_options, in_bricks, is_cut, without_bricks
 from sheetsplat.cli.help import GroupedCommand
-from sheetsplat.cli.options import as_json, check_mode, common, scene_options
+from sheetsplat.cli.options import apply, as_json, check_mode, common, options_of, scene_options
 from sheetsplat.cli.output import check_outputs, progress_bar, report_json, say
 from sheetsplat.cli.scene import given_keywords, is_scene_file, prepare, prepare_again, prepare_scene_file
 from sheetsplat.io.formats import LISTED_REGULAR, LISTED_SCATTERED
 from sheetsplat.modes import TRAITS
+from sheetsplat.options.core import checked, definitions
+from sheetsplat.options.figure import FigureOptions
 from sheetsplat.options.renderer import Output
+from sheetsplat.options.spelling import flags
 
 _PATH = click.Path(path_type=Path, dir_okay=False)
 
@@ -52,6 +57,14 @@ Options whose help ends with names of modes are for these modes only.
     "--coverage", "coverage_path", type=_PATH, help="Write the line integral of the kernels' weights as well."
 )
 @click.option(
+    "--figure",
+    "figure_path",
+    type=_PATH,
+    help="Write the picture with colour bar, axes and labels as well: .pdf or .svg, whose text is text, .png, .jpg, "
+    ".tif or .webp.",
+)
+@apply(options_of(FigureOptions))
+@click.option(
     "--metadata/--no-metadata", default=True, help="Say in a .png how it was made, so that it can be made again."
 )
 @brick_options
@@ -64,6 +77,7 @@ def command(
     output: Path | None,
     depth_path: Path | None,
     coverage_path: Path | None,
+    figure_path: Path | None,
     metadata: bool,
     as_json: bool,
     quiet: bool,
@@ -75,6 +89,7 @@ def command(
     from sheetsplat.io.png_text import is_png
     from sheetsplat.look.surface import surface_color, surface_text
 
+    figure = _of_figure(figure_path, options)
     if output is None:
         if not is_scene_file(file):
             raise click.UsageError("Missing option '-o' / '--output'.")
@@ -88,9 +103,10 @@ def command(
         extra["depth"] = depth_path
     if coverage_path is not None:
         extra["coverage"] = coverage_path
-    check_outputs([output, *extra.values()], [file, *data, *([options["grid"]] if options["grid"] else [])])
-    for path in (output, *extra.values()):
-        suffixes = pictures.SUFFIXES if path == output else pictures.CHANNEL_SUFFIXES
+    beside = [*extra.values(), *([] if figure_path is None else [figure_path])]
+    check_outputs([output, *beside], [file, *data, *([options["grid"]] if options["grid"] else [])])
+    for path in (output, *beside):
+        suffixes = {output: pictures.SUFFIXES, figure_path: pictures.FIGURES}.get(path, pictures.CHANNEL_SUFFIXES)
         if path.suffix.lower() not in suffixes:
             raise click.UsageError(f"{path}: a picture's name ends with {pictures.listed_suffixes(suffixes)}")
         pictures.check_folder(path)
@@ -119,21 +135,41 @@ def command(
             picture: dict[str, Any] = {"size": size, "outputs": tuple(extra), "progress": progress}
             client = None if bricks is None else bricks.client
             image = Prepared(scene, camera, renderer=renderer, client=client, **picture).render()
-    with pictures.whole_files([output, *extra.values()]) as (made, *others):
+    with pictures.whole_files([output, *beside]) as (made, *others):
         with pictures.naming(output):
             image.save(made, metadata=metadata)
-        for (name, path), beside in zip(extra.items(), others, strict=True):
+        for (name, path), other in zip(extra.items(), others, strict=False):
             with pictures.naming(path):
-                pictures.save_channel(getattr(image, name), beside)
+                pictures.save_channel(getattr(image, name), other)
+        if figure_path is not None:
+            with pictures.naming(figure_path):
+                image.save_figure(others[-1], **figure)
     seconds = time.perf_counter() - began
     if as_json:
         written = {"output": str(output)}
         written |= {name: str(path) for name, path in extra.items()}
+        written |= {} if figure_path is None else {"figure": str(figure_path)}
         surface: dict[str, Any] = {}
         if TRAITS[scene.mode].shows_surfaces:
             surface = {"iso_value": scene.iso_value, "color": list(surface_color(scene, scene.surfaces[0][0]))}
         report_json({**written, **surface, "seconds": seconds, "plan": image.plan.to_dict(), "stats": image.stats})
     say(f"{output}: {size[0]} x {size[1]} pixels by {image.plan.backend} in {seconds:.2f} s", quiet=quiet)
+
+
+def _of_figure(path: Path | None, options: dict[str, Any]) -> Any:
+    """Take the options of the figure out of those of the command and return them, checked."""
+    context, figure = click.get_current_context(), {}
+    for name, defined in definitions(FigureOptions).items():
+        (spelling,) = defined.spellings
+        parameter = spelling.parameter or name
+        figure[name] = options.pop(parameter) or None if spelling.multiple else options.pop(parameter)
+        if path is None and context.get_parameter_source(parameter) is ParameterSource.COMMANDLINE:
+            raise click.UsageError(f"{flags(name, spelling).partition('/')[0]} is of --figure, which is missing")
+    if path is not None:
+        # Before anything is drawn.
+        require_matplotlib()
+        checked("render", figure, FigureOptions)
+    return figure
 
 
 def _write_scene(file: Path, data: tuple[Path, ...], output: Path, options: dict[str, Any]) -> None:

@@ -42,7 +42,8 @@ def cards_of(image: Image) -> dict[str, tuple[Any, str]]:
 
     Pixel (1, 1) is the lower left one; the axes are those of `figure.picture_plane`.
     """
-    from sheetsplat.figure import common_quantity, picture_plane
+    from sheetsplat.color_bar import common_quantity
+    from sheetsplat.figure import picture_plane
     from sheetsplat.modes import TRAITS
 
     mode, quantity, plane = TRAITS[image.mode], common_quantity(image.recipe.fields), picture_plane(image)

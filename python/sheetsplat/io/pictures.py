@@ -32,6 +32,9 @@ _RASTERS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 #: Of pictures of numbers.
 FITS = ".fits"
+#: Of figures, whose text stays text, and of all figures.
+VECTORS = (".pdf", ".svg")
+FIGURES = (*_RASTERS, *VECTORS)
 #: Suffixes of pictures.
 SUFFIXES = (*_RASTERS, *FLOATS, FITS)
 #: Suffixes of further outputs and of differences.
@@ -116,10 +119,12 @@ def whole_files(paths: Sequence[Path]) -> Iterator[list[Path]]:
 
 @contextlib.contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Replace the name of a temporary file in errors by `path`."""
+    """Replace the name of a temporary file in errors by `path`, but for those about options."""
     try:
         yield
     except Error as error:
+        if error.option is not None:
+            raise
         parts = error.complaint
         found = parts.found or parts.what
         raise complain(f"{path} cannot be written", found, parts.wanted, parts.advice, kind=type(error)) from None
@@ -178,14 +183,15 @@ def _png_information(texts: Mapping[str, str]) -> Any:
     return information
 
 
-def save_raster(array: NDArray[Any], path: Path, text: str = "") -> None:
+def save_raster(array: NDArray[Any], path: Path, text: str = "", **more: Any) -> None:
     """Write gray levels, RGB or RGBA of 8 bits, or float32 (h, w), in the format of the suffix; whole or not at all.
 
-    `text` goes into a PNG, under `png_text.KEYWORD`.
+    `text` goes into a PNG, under `png_text.KEYWORD`; `more`: options of Pillow.
     """
     from PIL import Image as PillowImage
 
-    form, options = _RASTERS[check_suffix(path, tuple(_RASTERS))]
+    form, own = _RASTERS[check_suffix(path, tuple(_RASTERS))]
+    options = {**own, **more}
     if text:
         options = {**options, "pnginfo": _png_information({KEYWORD: text})}
     with whole_file(path) as made:

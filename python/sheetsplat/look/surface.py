@@ -36,7 +36,7 @@ def surface_limits(fields: Sequence[Field], iso_value: IsoValue) -> tuple[float,
         iso_value = values[0]
     if not math.isfinite(iso_value):
         return None
-    low, high = _range_of(fields)
+    low, high = range_of(fields)
     if not low < iso_value < high:
         # Where no kernel reaches the scalar is the base.
         base = sum(one.base for one in fields)
@@ -55,13 +55,14 @@ def surface_limits(fields: Sequence[Field], iso_value: IsoValue) -> tuple[float,
     return limits if math.isfinite(limits[1] - limits[0]) else None
 
 
-def _range_of(fields: Sequence[Field]) -> tuple[float, float]:
+def range_of(fields: Sequence[Field]) -> tuple[float, float]:
+    """Return the sums of the least and of the largest values of some fields."""
     ranges = [one.value_range for one in fields if one.size]
     return sum(first for first, _ in ranges), sum(last for _, last in ranges)
 
 
 def _limits_of_several(fields: Sequence[Field], lowest: float, highest: float) -> tuple[float, float] | None:
-    low, high = _range_of(fields)
+    low, high = range_of(fields)
     first, last = _SEVERAL
     width = (highest - lowest) / (last - first)
     end = max(min(highest + (1.0 - last) * width, high), highest)

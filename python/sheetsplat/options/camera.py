@@ -1,6 +1,6 @@
 """The options of a camera that shows all of the data."""
 
-from typing import Annotated, TypedDict
+from typing import Annotated, Literal, TypedDict
 
 from sheetsplat._checks import Vector
 from sheetsplat.camera import Camera, Kind
@@ -30,6 +30,15 @@ class CameraOptions(TypedDict, total=False):
             unset="what the file says, else z",
             accepts="three numbers or str",
             value=Special.DIRECTION,
+        ),
+    ]
+    y: Annotated[
+        Literal["up", "down"] | None,
+        Option(
+            'Where y points where {up} and {direction} do not say: "down" shows stacks as programs for microscopes do, '
+            'the first row at the top and the first slice nearest, with figures\' axes downwards; "up" from the last '
+            "slice, with the first row at the bottom.",
+            unset="by the field's orientation",
         ),
     ]
     azimuth: Annotated[

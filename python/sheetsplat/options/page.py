@@ -6,6 +6,7 @@ from sheetsplat.options.bricks import BrickOptions, ClusterOptions
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import MODES, Option, definitions, in_python
 from sheetsplat.options.data import FileOptions, KernelOptions, PlacementOptions
+from sheetsplat.options.figure import FigureOptions
 from sheetsplat.options.film import BetweenOptions, FilmOptions, TurnOptions
 from sheetsplat.options.look import TransferOptions
 from sheetsplat.options.picture import ObjectOptions, PictureOptions
@@ -26,6 +27,7 @@ An option with modes in its last column has a meaning in these modes only: the c
 `sheetsplat.render` logs a warning, or raises an error where the scene itself does not allow it.
 
 `sheetsplat.turntable` and `sheetsplat.animate` take all of them but `outputs` and `progress`, and those of films.
+Those of figures are of `Image.annotated`, `Image.save_figure`, `Image.to_axes`, and of `sheetsplat render --figure`.
 
 This page is made from the definitions in `sheetsplat/options`:
 `python -m sheetsplat.options.page > python/docs/options.md`.
@@ -46,6 +48,7 @@ GROUPS: tuple[tuple[str, tuple[type, ...]], ...] = (
     ("Files", (FileOptions,)),
     ("Positions of samples", (PlacementOptions,)),
     ("Kernels", (KernelOptions,)),
+    ("Figures", (FigureOptions,)),
     ("Data in bricks", (BrickOptions, ClusterOptions)),
     ("Films", (FilmOptions,)),
     ("Turntables", (TurnOptions,)),

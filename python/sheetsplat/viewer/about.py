@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from sheetsplat.color_bar import color_bars
 from sheetsplat.errors import Unsupported
-from sheetsplat.figure import color_bars
 from sheetsplat.image import Image
 from sheetsplat.plan import RenderPlan
 from sheetsplat.viewer.compose import hexadecimal

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import ctypes
+import dataclasses
+import html
 import json
 import logging
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -301,6 +304,25 @@ def test_plan_is_readable(renderer, scene, camera):
     again = json.loads(json.dumps(plan.to_dict()))
     assert again["size"] == [30, 20] and again["effects"][0]["name"] == plan.effects[0].name
     assert plan == renderer.render(scene, camera, size=(30, 20)).plan
+
+
+def test_plans_in_notebooks_are_short(scene, camera, ball):
+    forced = ss.Renderer("cpu", effects={"culling": False}).plan(scene, camera, size=(30, 20))
+    for plan in (forced, ss.render(ball, quality="best", size=(32, 32)).plan):
+        short, whole = repr(plan), str(plan)
+        assert (
+            len(short.splitlines()) <= 12 and len(short) < 1000 < len(whole) and max(map(len, short.splitlines())) < 112
+        )
+        assert (
+            plan.backend in short and f"{plan.slices}, {plan.slice_spacing:g} apart" in short and "print(plan)" in short
+        )
+        page = plan._repr_html_()
+        assert page.count("<details>") == 1 and html.unescape(page).count(whole) == 1
+        assert html.unescape(page.partition("<details>")[0]).count("\n") <= 11
+    assert re.search(r"^off +culling \(forced\)$", repr(forced), re.MULTILINE)
+    # Names of devices and notes are no HTML.
+    odd = dataclasses.replace(forced, device="<b>", notes=("x" * 900,))
+    assert "<b>" not in odd._repr_html_() and len(repr(odd)) < 1000 and "…" in repr(odd)
 
 
 @pytest.mark.gl

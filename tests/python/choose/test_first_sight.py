@@ -13,7 +13,7 @@ import sheetsplat as ss
 from bench.first_sight import SETS
 from sheetsplat.choose.look import compose_scene
 from sheetsplat.cli import info
-from sheetsplat.figure import color_bars
+from sheetsplat.color_bar import color_bars
 from sheetsplat.io.opening import read_scattered
 from sheetsplat.io.triangle_meshes import without_holes
 from sheetsplat.look import automatic, histogram

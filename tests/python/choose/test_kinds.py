@@ -8,7 +8,7 @@ import pytest
 import sheetsplat as ss
 from bench.kinds import KINDS, drifting, off_interpolation, tomogram
 from sheetsplat.api import prepare
-from sheetsplat.figure import color_bars
+from sheetsplat.color_bar import color_bars
 from sheetsplat.look.histogram import DIVERGING, choose_for
 
 SMALL = {"size": 64, "backend": "cpu"}

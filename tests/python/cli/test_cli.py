@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -228,6 +229,31 @@ def test_demo_has_a_colour_bar_where_matplotlib_is(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     stderr = run("demo", "--size", "60x50", "--quality", "draft", "--backend", "cpu", "-o", "b.png").stderr
     assert "no colour bar: pip install" in stderr and read_picture(tmp_path / "b.png").shape == (50, 60, 4)
+
+
+def test_figures_beside_pictures(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    np.save("a.npy", np.random.default_rng(1).random((6, 7, 8)).astype(np.float32))
+    command = ["render", "a.npy", "-o", "a.png", "--size", "60x50", "--quality", "draft", *BACKEND]
+    look = ["--title", "A title", "--label", "of it", "--font", "DejaVu Serif", "--font-size", "7", "--no-figure-axes"]
+    report = json.loads(run(*command, "--figure", "a.svg", *look, "--json").stdout)
+    text = Path("a.svg").read_text(encoding="utf-8")
+    assert report["figure"] == "a.svg" and ">A title<" in text and ">of it<" in text and "world units" not in text
+    assert read_picture(Path("a.png")).shape == (50, 60, 4)
+    run("demo", "--size", "60x50", "--quality", "draft", "--dataset", "marschner_lobb", *BACKEND, "-o", "b.pdf")
+    assert Path("b.pdf").read_bytes()[:5] == b"%PDF-"
+    for wrong, told in (
+        (["--font-size", "7"], "--font-size is of --figure, which is missing"),
+        (["--no-figure-axes"], "--figure-axes is of --figure"),
+        (["--figure", "c.eps"], "ends with"),
+        (["--figure", "a.png"], "named twice"),
+    ):
+        assert told in run(*command, *wrong, code=2).stderr, wrong
+    for wrong in (["--font", "no such"], ["--label", "a", "--label", "b"], ["--title", "$\\frac{$"]):
+        assert f"{wrong[0]} cannot be used" in run(*command, "--figure", "c.pdf", *wrong, code=1).stderr
+    assert not Path("c.pdf").exists()
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert "sheetsplat[plot]" in run(*command, "--figure", "c.pdf", code=1).stderr
 
 
 def test_demo_looks_at_the_backend_before_it_makes_data(tmp_path, monkeypatch):

@@ -5,15 +5,18 @@ from __future__ import annotations
 import io
 import pickle
 import sys
+import types
 
 import matplotlib
 import numpy as np
 import pytest
 from matplotlib.colors import LogNorm
 from PIL import Image as PillowImage
+from PIL import ImageShow
 
 import sheetsplat as ss
-from sheetsplat.figure import color_bars, picture_plane, round_length
+from sheetsplat.color_bar import color_bars
+from sheetsplat.figure import picture_plane, round_length
 
 matplotlib.use("Agg")
 
@@ -238,6 +241,37 @@ def test_notebooks_get_what_a_screen_shows(image):
         assert np.array_equal(np.asarray(found), np.asarray(image, np.uint8))
 
 
+def test_pictures_are_shown(image, monkeypatch, capfd):
+    class Program(ImageShow.Viewer):
+        def show_image(self, shown, **options):
+            seen.append((np.asarray(shown), options["title"]))
+            return 1
+
+    seen: list[object] = []
+    monkeypatch.setattr(ImageShow, "_viewers", [Program()])
+    monkeypatch.setenv("DISPLAY", ":0")
+    assert image.show() is None
+    ((shown, title),) = seen
+    assert np.array_equal(shown, np.asarray(image, np.uint8)) and title == "sheetsplat"
+    monkeypatch.setattr(ImageShow, "_viewers", [])
+    with pytest.raises(ss.Unsupported, match="cannot be shown.*save it"):
+        image.show()
+    monkeypatch.setattr(ImageShow, "_viewers", [Program()])
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.delenv("DISPLAY")
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(ss.Unsupported, match="no display"):
+        image.show()
+    # In a notebook, below the cell.
+    below: list[object] = []
+    notebook = types.SimpleNamespace(
+        get_ipython=lambda: types.SimpleNamespace(kernel=1), display=types.SimpleNamespace(display=below.append)
+    )
+    monkeypatch.setitem(sys.modules, "IPython", notebook)
+    image.show()
+    assert below == [image] and len(seen) == 1 and capfd.readouterr() == ("", "")
+
+
 def test_axes_have_units_and_a_colour_bar(image):
     axes = image.to_axes(title="A ball")
     assert axes.get_title() == "A ball" and "[mm]" in axes.get_xlabel() and "[mm]" in axes.get_ylabel()
@@ -246,7 +280,12 @@ def test_axes_have_units_and_a_colour_bar(image):
     assert right - left == pytest.approx(image.camera.height * 40 / 30)
     assert np.array_equal(axes.images[0].get_array(), np.asarray(image))
     (bar,) = [one for one in axes.figure.axes if one is not axes]
-    assert bar.get_ylabel() == "density [g/cm³]" and bar.get_ylim() == pytest.approx(image.clim)
+    low, high = bar.get_ylim()
+    assert (
+        bar.get_ylabel() == "density [g/cm³]"
+        and high == image.clim[1]
+        and low == image.recipe.transfer_functions[0].least
+    )
     own = matplotlib.figure.Figure().add_subplot()
     assert image.to_axes(own, colorbar=False) is own and len(own.figure.axes) == 1
 

@@ -112,6 +112,37 @@ def test_what_is_given_comes_before_what_is_stated(rng):
     assert ghosts.orientation == PATIENT
 
 
+def test_stacks_are_shown_as_in_programs_for_microscopes():
+    from sheetsplat.figure import picture_plane
+
+    stack = np.zeros((6, 40, 50), np.float32)
+    # In the first slice, near the top and at the left, and farther down and behind it something else.
+    stack[0, 4:8, 6:10], stack[5, 30:34, 40:44] = 1.0, 0.5
+    look = {"y": "down", "mode": "mip", "size": (50, 40), "backend": "reference", "quality": "draft", "margin": 1.0}
+    picture = ss.render(stack, target=(24.5, 19.5, 2.5), **look)
+    numbers = np.nan_to_num(picture.scalar)
+    rows, columns = np.nonzero(numbers > 0.8 * numbers.max())
+    assert rows.mean() < 15 and columns.mean() < 20
+    eye, up = seen_from(ss.RegularField(stack), y="down")
+    assert np.allclose(eye, (0, 0, -1)) and up == (0, -1, 0)
+    plane = picture_plane(picture)
+    left, right, bottom, top = plane.extent
+    assert plane.labels[0].startswith("x") and left < right and plane.labels[1].startswith("y") and top < bottom
+    # The bright square is where the axes say.
+    assert top + (rows.mean() + 0.5) / 40 * (bottom - top) == pytest.approx(5.5, abs=0.6)
+    assert left + (columns.mean() + 0.5) / 50 * (right - left) == pytest.approx(7.5, abs=0.6)
+    axes = picture.to_axes()
+    assert axes.yaxis.get_inverted() and not axes.xaxis.get_inverted()
+    # What is given comes before, and what a file states after it.
+    field = ss.RegularField(stack).with_orientation(PATIENT)
+    assert seen_from(field, y="down", up="x")[1] == (1, 0, 0) and np.allclose(seen_from(field, y="up")[0], (0, 0, 1))
+    assert np.allclose(seen_from(field, y="down", azimuth=90)[0], (1, 0, 0))
+    assert np.allclose(seen_from(field, y="down", direction="x")[0], (-1, 0, 0))
+    with pytest.raises(ss.InvalidInput, match="up, down") as told:
+        ss.render(stack, y="left", size=8)
+    assert told.value.option == "y"
+
+
 @pytest.mark.parametrize(
     ("up", "front"), [((0, 0, 0), None), ((0, 0, np.inf), None), ("up", None), ("z", (0, 0, 2)), ("z", (0, 0, 0))]
 )

@@ -189,7 +189,8 @@ def test_help_is_one_screen_or_all_in_groups(command):
     assert set(FIRST) <= set(titles())
     placed = {one.name: one.group for one in command.params if isinstance(one, GroupedOption)}
     for title, groups in GROUPS:
-        names = [one for group in groups for one in definitions(group)]
+        known = [one for group in groups for one in definitions(group).items()]
+        names = [spelling.parameter or name for name, defined in known for spelling in defined.spellings]
         shown = any(one.name in names and placed.get(one.name, title) == title for one in command.params)
         assert (f"\n{title}:\n" in every.output) == shown
         assert f"\n{title}:\n" not in first.output

@@ -192,7 +192,8 @@ class BrickedField(RegularField):
         """Return a field of the same samples with some options changed; other samples are refused."""
         if values is not None:
             self._refuse("other samples")
-        options = {name.removeprefix("_"): getattr(self, name) for name in PARTS}
+        own = (name for name in PARTS if name not in ("_labels", "_colors"))
+        options = {name.removeprefix("_"): getattr(self, name) for name in own}
         options["prefilter"] = self.prefilter if options.pop("settled") else None
         if self.prefilter:
             # The one that it set itself.

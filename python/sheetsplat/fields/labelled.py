@@ -111,25 +111,37 @@ def look_like_labels(values: NDArray[Any]) -> bool:
     counts: NDArray[np.int64]
     for part in (seen[len(seen) // 2], seen):
         whole = part.dtype.kind in "ui" or (bool(np.isfinite(part).all()) and np.array_equal(part, np.round(part)))
-        if not whole or float(part.max()) - float(part.min()) > _WIDEST:
+        if not whole or max(abs(float(part.max())), abs(float(part.min()))) > _WIDEST:
             return False
         ranks = part.astype(np.int64) - int(part.min())
+        if int(ranks.max()) > _WIDEST_TABLE:
+            return False
         counts = np.bincount(ranks.ravel())
         if np.count_nonzero(counts) > _MOST_KINDS:
             return False
     if np.count_nonzero(counts) < _LEAST_KINDS:
         return False
-    ranks = np.cumsum(counts > 0)[ranks]
-    steps = np.concatenate([np.abs(np.diff(ranks, axis=axis)).ravel() for axis in (1, 2)])
-    borders = steps > 0
+    in_order = np.cumsum(counts > 0)[ranks]
+    # What has the most frequent number is taken for what is around things.
+    inside = ranks != int(counts.argmax())
+    pairs = [_pairs(in_order, inside, axis) for axis in (1, 2)]
+    steps, beside = (np.concatenate(one) for one in zip(*pairs, strict=True))
+    borders = steps[beside] > 0
     if not borders.any():
         return False
-    return bool(borders.mean() <= _MOST_BORDERS and (steps[borders] > 1).mean() >= _LEAST_JUMPS)
+    return bool(borders.mean() <= _MOST_BORDERS and (steps > 1).sum() >= _LEAST_JUMPS * (steps > 0).sum())
+
+
+def _pairs(numbers: NDArray[np.int64], inside: NDArray[np.bool_], axis: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return how far neighbours along an axis differ, and whether one of them is inside."""
+    rest, most = np.arange(1, numbers.shape[axis]), np.arange(numbers.shape[axis] - 1)
+    beside = np.take(inside, rest, axis) | np.take(inside, most, axis)
+    return np.abs(np.diff(numbers, axis=axis)).ravel(), beside.ravel()
 
 
 # Layers of a volume that are looked at; few and many labels; what float64 and a table hold.
-_LAYERS = 32
+_LAYERS = 16
 _LEAST_KINDS, _MOST_KINDS = 3, 64
-_WIDEST = 2.0**20
-# Of neighbouring samples, the share that differ, and of these the share with a number between them that occurs.
-_MOST_BORDERS, _LEAST_JUMPS = 0.2, 0.2
+_WIDEST, _WIDEST_TABLE = 2.0**53, 2**20
+# Of neighbouring samples in things or beside them, the share that differ; of these the share with a number between them.
+_MOST_BORDERS, _LEAST_JUMPS = 0.5, 0.2

@@ -122,6 +122,8 @@ def test_one_module_decides_on_each_option() -> None:
                 if isinstance(node.args[0], ast.Constant):
                     deciders.setdefault(str(node.args[0].value), set()).add(path.name)
     assert {option: sorted(where) for option, where in deciders.items()} == {
+        "labels": ["kernels.py"],
+        "normalization": ["kernels.py"],
         "prefilter": ["kernels.py"],
         "radius": ["kernels.py"],
         "falloff": ["kernels.py"],

@@ -48,8 +48,9 @@ def test_the_page_is_current():
 def test_signatures_and_docstrings_have_every_option(taker, group):
     names = list(definitions(group))
     parameters = inspect.signature(taker).parameters
-    own = ["backend"] if taker is ss.Renderer else []
-    assert own + [name for name, one in parameters.items() if one.kind is inspect.Parameter.KEYWORD_ONLY] == names
+    own, more = ["backend"] if taker is ss.Renderer else [], ["color_by"] if taker is ss.Scene else []
+    keywords = [name for name, one in parameters.items() if one.kind is inspect.Parameter.KEYWORD_ONLY]
+    assert own + keywords == more + names
     assert [name for name in names if not re.search(rf"^    {name} : ", taker.__doc__, re.MULTILINE)] == []
     assert "{" not in taker.__doc__ and "**options" not in taker.__doc__
     assert max(map(len, taker.__doc__.splitlines())) <= 120

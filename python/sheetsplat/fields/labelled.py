@@ -121,9 +121,9 @@ def look_like_labels(values: NDArray[Any]) -> bool:
             return False
     if np.count_nonzero(counts) < _LEAST_KINDS:
         return False
-    in_order = np.cumsum(counts > 0)[ranks]
+    in_order: NDArray[np.int64] = np.cumsum((counts > 0).astype(np.int64))[ranks]
     # What has the most frequent number is taken for what is around things.
-    inside = ranks != int(counts.argmax())
+    inside: NDArray[np.bool_] = ranks != int(counts.argmax())
     pairs = [_pairs(in_order, inside, axis) for axis in (1, 2)]
     steps, beside = (np.concatenate(one) for one in zip(*pairs, strict=True))
     borders = steps[beside] > 0
@@ -143,5 +143,5 @@ def _pairs(numbers: NDArray[np.int64], inside: NDArray[np.bool_], axis: int) -> 
 _LAYERS = 16
 _LEAST_KINDS, _MOST_KINDS = 3, 64
 _WIDEST, _WIDEST_TABLE = 2.0**53, 2**20
-# Of neighbouring samples in things or beside them, the share that differ; of these the share with a number between them.
+# Of neighbours in things or beside them, the share that differ; of these the share with a number between them.
 _MOST_BORDERS, _LEAST_JUMPS = 0.5, 0.2

@@ -116,19 +116,24 @@ class LabelColors(TransferFunction):
         """The label of what is no thing."""
         return self._background
 
+    @property
+    def arguments(self) -> tuple[dict[int, tuple[float, float, float, float]], dict[int, str], int]:
+        """Colours, names and background, as they are given."""
+        return dict(self._colors), dict(self._names), self._background
+
     def name_of(self, label: int) -> str:
         """Return what a label is called, "label 3" unless it has a name."""
         return self._names.get(label, f"label {label}")
 
     def __reduce__(self) -> tuple[type[LabelColors], tuple[Any, ...]]:
         """Pickle and copy by colours and names."""
-        return type(self), (dict(self._colors), dict(self._names), self._background)
+        return type(self), self.arguments
 
     def __eq__(self, other: object) -> bool:
         """Return whether colours, names and background are the same."""
         if not isinstance(other, LabelColors):
             return NotImplemented
-        return self.__reduce__() == other.__reduce__()
+        return self.arguments == other.arguments
 
     def __hash__(self) -> int:
         """Return a hash of labels and background."""

@@ -14,6 +14,7 @@ from sheetsplat._values import arguments_of
 from sheetsplat.camera import Camera
 from sheetsplat.describe.schema import eye_parts
 from sheetsplat.errors import InvalidInput, complain
+from sheetsplat.labels import LabelColors
 from sheetsplat.transfer import TransferFunction
 
 _COLUMNS = 100
@@ -33,6 +34,8 @@ def text_of(value: Any) -> str:
         return repr(value.item())
     if value is None or isinstance(value, str | int | float | os.PathLike):
         return repr(os.fspath(value) if isinstance(value, os.PathLike) else value)
+    if isinstance(value, LabelColors):
+        return f"ss.LabelColors({', '.join(map(text_of, value.arguments))})"
     if isinstance(value, TransferFunction):
         return f"ss.TransferFunction({rows_text(value.points)})"
     if isinstance(value, Camera):

@@ -20,6 +20,7 @@ from sheetsplat.describe.toml import depth
 from sheetsplat.errors import Error, InvalidInput, complain
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.fields.trim import Trim
+from sheetsplat.labels import LabelColors
 from sheetsplat.look.strays import trimmed
 from sheetsplat.options.core import Option, UnknownOption, checked, definitions
 from sheetsplat.options.data import OpenOptions
@@ -44,6 +45,7 @@ _KINDS = {
 }
 # Options of volumes in pictures that were made before volumes had any of them.
 _BEFORE = {"boundary": "zero", "base": 0.0, "labels": False}
+_LABELS = ("colors", "names", "background")
 _PARTS = ("format", "version", "size", "camera", "transfer_functions", "groups", "scene", "fields", "renderer")
 
 
@@ -108,6 +110,8 @@ class FieldRecipe:
         if not isinstance(field, RegularField) or not field.is_plain:
             return field
         known = {**self.opened, **self.options}
+        if known.get("labels") is not None and known["labels"] != field.labels:
+            field = field.replace(labels=known["labels"])
         changes = {name: known[name] for name in _KERNELS if known.get(name) is not None}
         if field.boundary == "edge" and known.get("boundary") is not None:
             changes["boundary"] = known["boundary"]
@@ -164,6 +168,9 @@ class Recipe:
         How each field was made.
     renderer
         Options of `Renderer`: the backend that drew the picture, and what may change its last digits.
+    colors
+        Of how many fields each group has its colours, and by which transfer function, None where it has its own; these
+        fields come behind those of the groups. Empty where all have their own.
 
     Examples
     --------
@@ -179,16 +186,19 @@ class Recipe:
     size: tuple[int, int]
     fields: tuple[FieldRecipe, ...]
     renderer: Mapping[str, Any]
+    colors: tuple[tuple[int, TransferFunction] | None, ...] = ()
 
     @classmethod
     def of(
         cls, scene: Scene, camera: Camera, size: tuple[int, int], renderer: Mapping[str, Any], **changes: Any
     ) -> Recipe:
         """Return the recipe of a picture; `changes` are options of the scene that were chosen in place of its own."""
-        made_of = tuple(map(FieldRecipe.of, scene.fields))
+        given = [one for one in scene.color_by if one is not None]
+        made_of = tuple(map(FieldRecipe.of, (*scene.fields, *(field for fields, _ in given for field in fields))))
         settings = {name: renderer[name] for name in _RENDERER}
         groups, options = tuple(map(len, scene.groups)), {**scene.options, **changes}
-        return cls(scene.transfer_functions, groups, options, camera, size, made_of, settings)
+        colors = tuple(None if one is None else (len(one[0]), one[1]) for one in scene.color_by) if given else ()
+        return cls(scene.transfer_functions, groups, options, camera, size, made_of, settings, colors)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -209,7 +219,8 @@ class Recipe:
             )
         rest = (recipe.kernels_of(one) for recipe, one in zip(self.fields, fields, strict=True))
         groups = [list(itertools.islice(rest, count)) for count in self.groups]
-        return Scene(groups, self.transfer_functions, **self.options)
+        colors: Any = [one and (list(itertools.islice(rest, one[0])), one[1]) for one in self.colors] or None
+        return Scene(groups, self.transfer_functions, color_by=colors, **self.options)
 
     def to_json(self) -> str:
         """Return it as JSON, with the version of the package. InvalidInput for weights that are no array of a file."""
@@ -226,6 +237,7 @@ class Recipe:
             "scene": self.options,
             "fields": self.fields,
             "renderer": self.renderer,
+            **({"colors": self.colors} if self.colors else {}),
         }
         return json.dumps(plain(told), allow_nan=False, separators=(",", ":"))
 
@@ -241,7 +253,7 @@ class Recipe:
                 raise complain("", f"lists or objects nested {found} deep", f"at most {DEEPEST}")
             parts = json.loads(text, parse_constant=_no_constant, object_pairs_hook=_without_repetition)
         with _reading("description"):
-            _check_object(parts, _PARTS, _PARTS)
+            _check_object(parts, (*_PARTS, "colors"), _PARTS)
         _check_version(parts["format"], parts["version"])
         made = {}
         for key, reader in _READERS.items():
@@ -250,9 +262,12 @@ class Recipe:
         with _reading("groups"):
             functions, total = len(made["transfer_functions"]), len(made["fields"])
             groups = parts["groups"]
+            with _reading("colors"):
+                colors = _colors(parts.get("colors", []), functions)
+            total -= sum(one[0] for one in colors if one is not None)
             if not _are_counts(groups) or len(groups) != functions or 0 in groups or sum(groups) != total:
                 raise complain("", shown(groups), f"{functions} numbers that add up to {total}")
-        return cls(groups=tuple(groups), options=made.pop("scene"), **made)
+        return cls(groups=tuple(groups), options=made.pop("scene"), colors=colors, **made)
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Recipe:
@@ -327,10 +342,43 @@ def _numbers_of(version: Any) -> tuple[int, ...] | None:
 
 
 def _transfer_functions(value: Any) -> tuple[TransferFunction, ...]:
-    rows = Sequence[Sequence[tuple[float, float, float, float, float]]]
-    if not fits(value, rows) or not 0 < len(value) <= _MOST_FIELDS:
+    if not isinstance(value, list) or not 0 < len(value) <= _MOST_FIELDS:
         raise complain("", shown(value), f"from 1 to {_MOST_FIELDS} lists of rows of five numbers")
-    return tuple(map(TransferFunction, value))
+    return tuple(map(function_of, value))
+
+
+def _colors(value: Any, groups: int) -> tuple[tuple[int, TransferFunction] | None, ...]:
+    """Return of how many fields, by which function, each group has its colours; None: it has its own."""
+    wanted = f"for each of {groups} groups null, or a number of fields and rows of five numbers"
+    if not isinstance(value, list) or len(value) not in (0, groups):
+        raise complain("", shown(value), wanted)
+    for one in value:
+        if one is not None and not (isinstance(one, list) and len(one) == 2 and _are_counts(one[:1]) and one[0]):
+            raise complain("", shown(one), wanted)
+    return tuple(None if one is None else (one[0], function_of(one[1])) for one in value)
+
+
+def function_of(value: Any) -> TransferFunction:
+    """Return a transfer function of its rows, or colours of labels of an object; InvalidInput for anything else."""
+    if isinstance(value, dict):
+        _check_object(value, _LABELS, _LABELS)
+        colors, names, background = (value[name] for name in _LABELS)
+        _check_object(colors)
+        _check_object(names)
+        known = fits(list(colors.values()), Sequence[tuple[float, float, float, float]])
+        if not known or not fits(list(names.values()), Sequence[str]) or not fits(background, int):
+            raise complain("", shown(value), "colours of four numbers, names, and a background, by label")
+        told, called = ({_label_of(key): one for key, one in part.items()} for part in (colors, names))
+        return LabelColors(told, called, background)
+    if not fits(value, Sequence[tuple[float, float, float, float, float]]):
+        raise complain("", shown(value), "rows of five numbers")
+    return TransferFunction(value)
+
+
+def _label_of(key: str) -> int:
+    if re.fullmatch(r"-?\d{1,13}", key, re.ASCII) is None:
+        raise complain("", shown(key), "a whole number")
+    return int(key)
 
 
 def _camera(value: Any) -> Camera:

@@ -19,6 +19,7 @@ from sheetsplat._checks import nearest_names, shown
 from sheetsplat._values import arguments_of
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Error, complain, unusable
+from sheetsplat.labels import LabelColors
 from sheetsplat.options.core import Option, UnknownOption, choices_of
 from sheetsplat.options.values import Numbers, Real, Whole
 from sheetsplat.transfer import TransferFunction
@@ -171,6 +172,9 @@ def plain(value: Any, name: str = "") -> Any:
         return value
     if isinstance(value, np.dtype) or (isinstance(value, type) and issubclass(value, np.generic | bool | int | float)):
         return np.dtype(value).str
+    if isinstance(value, LabelColors):
+        parts = {"colors": value.colors, "names": value.names, "background": value.background}
+        return {key: plain(one, name) for key, one in parts.items()}
     if isinstance(value, TransferFunction):
         return value.points.tolist()
     if is_dataclass(value) and type(value).__module__.startswith("sheetsplat."):

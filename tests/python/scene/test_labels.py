@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import sheetsplat as ss
+from sheetsplat.describe.recipe import Recipe
 from sheetsplat.fields.labelled import look_like_labels
 
 LIGHT = ss.Light((0.3, 0.5, 1.0))
@@ -271,3 +272,18 @@ def test_labels_of_any_kind():
         assert pickle.loads(pickle.dumps(field)) == field
     turned = ss.RegularField(things(), labels=True, axes=[(0.8, 0.6, 0), (-0.6, 0.8, 0), (0, 0, 1)])
     assert ss.render(turned, size=30).rgba.any()
+
+
+def test_pictures_say_how_they_were_made(tmp_path):
+    colors = ss.LabelColors({1: "red", 2: (0, 1, 0, 0.5), 3: "blue"}, names={2: "box"}, background=0)
+    image = ss.render(ss.RegularField(things(), labels=True), transfer_function=colors, size=30, backend="cpu")
+    image.save(tmp_path / "a.png")
+    recipe = Recipe.read(tmp_path / "a.png")
+    assert recipe.transfer_functions == (colors,) and recipe.fields[0].options["labels"] is True
+    # Of plain samples, which a file has.
+    scene = recipe.scene([ss.RegularField(things())])
+    assert np.array_equal(ss.Renderer("cpu").render(scene, recipe.camera, recipe.size).rgba, image.rgba)
+    for wrong in ('{"1":[1,1]}', '{"x":[1,1,1,1]}', "[1]"):
+        text = recipe.to_json().replace('{"1":[1.0,0.0,0.0,1.0],"2":[0.0,1.0,0.0,0.5],"3":[0.0,0.0,1.0,1.0]}', wrong)
+        with pytest.raises(ss.InvalidInput, match="transfer_functions"):
+            Recipe.from_json(text)

@@ -10,6 +10,7 @@ import numpy as np
 
 from sheetsplat._checks import Triple, triple
 from sheetsplat.api import Prepared
+from sheetsplat.camera import Camera
 from sheetsplat.choose.asked import GOALS, Asked
 from sheetsplat.choose.picture import fitted
 from sheetsplat.describe.schema import plain
@@ -24,7 +25,9 @@ from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction, color_rows
 from sheetsplat.viewer.data import Histogram, Shown
 from sheetsplat.viewer.state import (
+    OF_PAGES,
     OF_SCENES,
+    SHOWS,
     Cue,
     Curves,
     State,
@@ -50,7 +53,7 @@ def base_of(shown: Shown, state: State) -> Prepared:
 def scene_of(shown: Shown, state: State) -> Scene:
     """Return the scene that a state shows. Raises what the data and `Scene` raise."""
     base = base_of(shown, state).scene
-    changes = dict(state.changes)
+    changes = dict(state.drawn.changes)
     cue: Cue | None = changes.pop("depth_cue", None)
     surfaces: tuple[Surface, ...] | None = changes.pop("surfaces", None)
     changes.pop("backdrop", None)
@@ -82,6 +85,37 @@ def fitted_scene(shown: Shown, state: State, scene: Scene, size: tuple[int, int]
     # A goal decides when the picture is drawn.
     asked = Asked.of("quality", {name: value for name, value in given.items() if name not in GOALS})
     return fitted(scene, asked, state.camera, size)
+
+
+def other_camera(shown: Shown, state: State, scene: Scene, size: tuple[int, int], *, unmoved: bool) -> Camera:
+    """Return the camera for other data than the state's was made for; data in the same place keep it.
+
+    `unmoved`: nobody has turned the first view, so that the other data have their own.
+    """
+    camera = state.camera
+    if unmoved:
+        return shown.camera(scene, size)
+    if scene.bounds == base_of(shown, replace(state, choice=state.camera_of)).scene.bounds:
+        return camera
+    changes = {"direction": tuple(np.subtract(camera.target, camera.eye).tolist()), "up": camera.world_axes()[1]}
+    return shown.camera(scene, size, azimuth=0.0, elevation=0.0, zoom=1.0, projection=camera.kind, **changes)
+
+
+def unit_note(shown: Shown, state: State, look: object) -> str:
+    """Return what is to be said of a preset that a page chose for data that are no Hounsfield units, or ""."""
+    given = look if isinstance(look, Mapping) else {}
+    if given.get("preset") not in PRESETS:
+        return ""
+    field = base_of(shown, state).scene.groups[given.get("group", 0)][0]
+    unit = field.quantity.unit
+    if unit == "HU":
+        return ""
+    low, high = field.value_range
+    stated = f"have the unit {unit}" if unit else "state no unit"
+    return (
+        f"The preset {given['preset']} is for CT in Hounsfield units. These data {stated} and reach from {low:.4g} to "
+        f"{high:.4g}: what it shows is right only where these are Hounsfield units."
+    )
 
 
 def _functions_of(shown: Shown, scene: Scene, surfaces: tuple[Surface, ...]) -> Any:
@@ -168,6 +202,8 @@ def state_parts(shown: Shown, state: State, scene: Scene) -> dict[str, Any]:
         "depth_cue": None if cue is None else {"strength": cue.strength, "color": hexadecimal(cue.color)},
         "background": None if scene.background is None else hexadecimal(scene.background),
         "backdrop": hexadecimal(state.changes.get("backdrop", (0.0, 0.0, 0.0))),
+        "shows": state.changes.get("shows", SHOWS),
+        "measures": state.changes.get("measures", ()),
         "max_error": state.settings.get("max_error", shown.options.get("max_error")),
         "max_seconds": state.settings.get("max_seconds", shown.options.get("max_seconds")),
         "effects": state.settings.get("effects", shown.options.get("effects") or {}),
@@ -181,7 +217,7 @@ def data_parts(shown: Shown, state: State, scene: Scene) -> dict[str, Any]:
     groups = []
     for fields, histogram in zip(scene.groups, found, strict=True):
         quantity = fields[0].quantity
-        parts = {"label": quantity.label, "floor": quantity.floor}
+        parts = {"label": quantity.label, "floor": quantity.floor, "unit": quantity.unit}
         groups.append({**parts, "low": histogram.low, "high": histogram.high, "counts": histogram.counts})
     lower, upper = scene.bounds
     # The box around the data themselves, where it has an extent.
@@ -218,5 +254,6 @@ def offered() -> dict[str, Any]:
 
 
 def without_changes(state: State) -> State:
-    """Return the state without any change but of the camera."""
-    return replace(state, changes={}, curves={}, settings={})
+    """Return the state without any change but of the camera, and of what the page draws over the picture."""
+    kept = {name: one for name, one in state.changes.items() if name in OF_PAGES}
+    return replace(state, changes=kept, curves={}, settings={})

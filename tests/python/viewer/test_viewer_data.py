@@ -10,8 +10,7 @@ from PIL import Image as Pillow
 from viewer_pages import CHANGES, SIZE, Page, made_by, picture_of, volume
 
 import sheetsplat as ss
-from sheetsplat.viewer import coarse, frames
-from sheetsplat.viewer import session as session_module
+from sheetsplat.viewer import coarse, frames, previews
 from sheetsplat.viewer import state as state_module
 from sheetsplat.viewer.data import Shown
 
@@ -103,7 +102,7 @@ def test_scenes_are_saved_and_viewed_again(opened, tmp_path):
 def test_large_volumes_are_coarse_while_the_view_moves(opened, monkeypatch):
     monkeypatch.setattr(coarse, "_MANY", 4000)
     monkeypatch.setattr(coarse, "_FEW", 1000)
-    monkeypatch.setattr(session_module, "_SLOW", 0.0)
+    monkeypatch.setattr(previews, "_SLOW", 0.0)
     session = opened(volume(n=24), shading=True)
     page = Page(session)
     page.wait("frame", last=True)
@@ -178,7 +177,7 @@ def test_data_in_bricks_are_coarse_at_once_and_whole_when_the_view_rests(opened,
     page.wait("frame", last=True)
     page.wait("about")
     assert sum(one["type"] == "frame" and one["last"] for one, _ in page.messages) == 1
-    page.say(type="pick", x=0.5, y=0.5)
+    page.say(type="pick", x=0.5, y=0.5, purpose="tell")
     assert (page.wait("picked")[0]["value"] is None) == (kind == "kernels")
     page.say(type="measure", what="effects")
     assert "data in bricks" in page.wait("error")[0]["text"]

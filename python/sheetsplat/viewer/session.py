@@ -428,6 +428,8 @@ class Session:
         stage, previewed = 1, False
 
         def progress(_: float) -> bool:
+            # What changes no picture is told while one is drawn.
+            self._tell_owed()
             patient = stage == 1 and not previewed and time.perf_counter() - began < _PATIENCE
             return patient or not self._superseded(version)
 
@@ -588,6 +590,15 @@ class Session:
             self._tell_state([client])
         except Error as error:
             self._fail(error, self.state, self._version)
+
+    def _tell_owed(self) -> None:
+        """Tell pages what is shown that wait for it."""
+        with self._wake:
+            owed = [key for key in self._jobs if key[0] == "state"] if self._version == self._drawn else []
+            clients = [self._jobs.pop(key)[1] for key in owed]
+        if clients:
+            with self._faults_told():
+                self._tell_state(clients)
 
     def _do_pick(self, client: Client, x: float, y: float, purpose: str) -> None:
         client.send(picked(self._image, x, y, purpose))

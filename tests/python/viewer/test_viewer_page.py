@@ -247,7 +247,7 @@ def test_modes_and_panels(opened):
     complete_after(page, number)
     assert viewer.scene.options["clip"].planes != before
     number = shown(page)
-    press(page, "Undo all changes")
+    press(page, "As at first")
     complete_after(page, number)
     assert viewer.scene.options["clip"].box is None and not viewer.scene.options["shadows"]
 

@@ -35,7 +35,7 @@ from sheetsplat.viewer.history import History
 from sheetsplat.viewer.measuring import error_of, measured_effects
 from sheetsplat.viewer.previews import Previews
 from sheetsplat.viewer.protocol import Message, parse
-from sheetsplat.viewer.state import Cue, State, camera_parts
+from sheetsplat.viewer.state import OF_PAGES, Cue, State, camera_parts
 
 _log = logging.getLogger("sheetsplat")
 
@@ -292,7 +292,7 @@ class Session:
                 state, told = self._automatic(state), True
             else:
                 state = state.changed(name, value)
-                told = told or name in ("mode", "quality", "surfaces", "effects", "background")
+                told = told or name in (*OF_PAGES, "mode", "quality", "surfaces", "effects", "background")
         return state, told
 
     def _with_look(self, state: State, value: object) -> tuple[State, bool]:
@@ -466,9 +466,6 @@ class Session:
             return
         except Error as error:
             self._fail(error, state, version)
-            return
-        with self._wake:
-            self._good = state
 
     def _rested(self, version: int) -> bool:
         """Wait for a moment; return whether no newer state came meanwhile."""
@@ -509,16 +506,17 @@ class Session:
 
     def _fail(self, error: Error, state: State, version: int) -> None:
         """Tell why a state cannot be shown, and go back to the last one that could be."""
-        self._tell(_error_message(str(error)))
         with self._wake:
             self._busy = False
-            if self._version != version or self._good == state:
-                return
-            self._history.drop(self._good)
-            self._state = self._good
-            self._version += 1
+            back = self._version == version and self._good != state
+            if back:
+                self._history.drop(self._good)
+                self._state = self._good
+                self._version += 1
             clients = list(self._clients)
-        self._tell_state(clients)
+        self._tell(_error_message(str(error)))
+        if back:
+            self._tell_state(clients)
 
     def _frame(self, image: Image, state: State, version: int, milliseconds: float, *, preview: bool = False) -> None:
         stats = image.stats
@@ -542,6 +540,7 @@ class Session:
         if last:
             self._image = image
             with self._wake:
+                self._good = state
                 self._busy = self._busy and self._superseded(version)
         with self._wake:
             self._frame_sent = message, payload

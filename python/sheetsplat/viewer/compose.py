@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -25,7 +25,6 @@ from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction, color_rows
 from sheetsplat.viewer.data import Histogram, Shown
 from sheetsplat.viewer.state import (
-    OF_PAGES,
     OF_SCENES,
     SHOWS,
     Cue,
@@ -97,25 +96,27 @@ def other_camera(shown: Shown, state: State, scene: Scene, size: tuple[int, int]
         return shown.camera(scene, size)
     if scene.bounds == base_of(shown, replace(state, choice=state.camera_of)).scene.bounds:
         return camera
-    changes = {"direction": tuple(np.subtract(camera.target, camera.eye).tolist()), "up": camera.world_axes()[1]}
-    return shown.camera(scene, size, azimuth=0.0, elevation=0.0, zoom=1.0, projection=camera.kind, **changes)
+    direction = np.subtract(camera.target, camera.eye).tolist()
+    return camera_towards(shown, state, size, direction, camera.world_axes()[1], camera.kind)
 
 
-def unit_note(shown: Shown, state: State, look: object) -> str:
-    """Return what is to be said of a preset that a page chose for data that are no Hounsfield units, or ""."""
-    given = look if isinstance(look, Mapping) else {}
-    if given.get("preset") not in PRESETS:
-        return ""
-    field = base_of(shown, state).scene.groups[given.get("group", 0)][0]
-    unit = field.quantity.unit
-    if unit == "HU":
-        return ""
-    low, high = field.value_range
-    stated = f"have the unit {unit}" if unit else "state no unit"
-    return (
-        f"The preset {given['preset']} is for CT in Hounsfield units. These data {stated} and reach from {low:.4g} to "
-        f"{high:.4g}: what it shows is right only where these are Hounsfield units."
-    )
+def camera_towards(
+    shown: Shown,
+    state: State,
+    size: tuple[int, int],
+    direction: Sequence[float] | None = None,
+    up: Sequence[float] | None = None,
+    kind: str | None = None,
+) -> Camera:
+    """Return the first camera of a state's data, but for a direction of view, one upwards and a kind of projection."""
+    changes: dict[str, Any] = {}
+    if kind:
+        changes["projection"] = kind
+    if direction:
+        changes |= {"direction": direction, "azimuth": 0.0, "elevation": 0.0, "zoom": 1.0}
+    if up:
+        changes["up"] = up
+    return shown.camera(scene_of(shown, state), size, **changes)
 
 
 def _functions_of(shown: Shown, scene: Scene, surfaces: tuple[Surface, ...]) -> Any:
@@ -251,9 +252,3 @@ def offered() -> dict[str, Any]:
         "words": [*words, "isolayers:4", "isolayers:8"],
         "presets": list(PRESETS),
     }
-
-
-def without_changes(state: State) -> State:
-    """Return the state without any change but of the camera, and of what the page draws over the picture."""
-    kept = {name: one for name, one in state.changes.items() if name in OF_PAGES}
-    return replace(state, changes=kept, curves={}, settings={})

@@ -27,6 +27,7 @@ from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 from sheetsplat.viewer import compose, frames
 from sheetsplat.viewer.about import about, bars_of, picked
+from sheetsplat.viewer.changing import state_after, unit_note
 from sheetsplat.viewer.client import Client, Deliver
 from sheetsplat.viewer.code import python_code
 from sheetsplat.viewer.data import Shown
@@ -35,7 +36,7 @@ from sheetsplat.viewer.history import History
 from sheetsplat.viewer.measuring import error_of, measured_effects
 from sheetsplat.viewer.previews import Previews
 from sheetsplat.viewer.protocol import Message, parse
-from sheetsplat.viewer.state import OF_PAGES, Cue, State, camera_parts
+from sheetsplat.viewer.state import Cue, State, camera_parts
 
 _log = logging.getLogger("sheetsplat")
 
@@ -152,9 +153,9 @@ class Session:
 
     def look_from(self, camera: Camera) -> None:
         """Show the scene by another camera."""
-        self._change(
-            replace(self.state, camera=camera, camera_of=self.state.choice), None, told=True, names=("camera",)
-        )
+        state = self.state
+        state = replace(state, camera=camera, camera_of=state.choice)
+        self._change(state, None, told=True, names=("camera",))
 
     # What pages see.
 
@@ -259,12 +260,12 @@ class Session:
             self._wake.notify_all()
         if ready is not None:
             # Something to look at until there is a picture of this size.
-            client.show({**ready[0], "last": False}, ready[1])
+            client.send({**ready[0], "last": False}, ready[1])
         self._say_busy(client)
 
     def _set(self, client: Client, changes: Mapping[str, Any]) -> None:
         try:
-            state, told = self._after(self.state, changes)
+            state, told = state_after(self.shown, self._first, self.state, changes)
         except Error as error:
             client.send(_error_message(str(error)))
             with self._wake:
@@ -275,56 +276,15 @@ class Session:
             if client.size is not None:
                 self._size = client.size
         self._change(state, client, told=told, names=changes)
-        if note := compose.unit_note(self.shown, state, changes.get("look")):
+        if note := unit_note(self.shown, state, changes.get("look")):
             client.send({"type": "warning", "text": note})
-
-    def _after(self, state: State, changes: Mapping[str, Any]) -> tuple[State, bool]:
-        """Return the state after changes, and whether the page that asked must be told more than it knows."""
-        told = False
-        for name, value in changes.items():
-            if name in ("choice", "time"):
-                count = len(self.shown.names if name == "choice" else self.shown.times)
-                state, told = state.numbered(name, value, count), True
-            elif name == "look":
-                state, more = self._with_look(state, value)
-                told = told or more
-            elif name == "automatic":
-                state, told = self._automatic(state), True
-            else:
-                state = state.changed(name, value)
-                told = told or name in (*OF_PAGES, "mode", "quality", "surfaces", "effects", "background")
-        return state, told
-
-    def _with_look(self, state: State, value: object) -> tuple[State, bool]:
-        given = value if isinstance(value, dict) else {}
-        group = given.get("group", 0)
-        groups = len(self.shown.base(state.choice, 0).scene.groups)
-        if not isinstance(group, int) or not 0 <= group < groups:
-            return state, True
-        if given.get("automatic"):
-            return state.with_curves(group, None), True
-        return state.with_curves(group, compose.curves_of(self.shown, state, group).changed(given)), True
-
-    def _automatic(self, state: State) -> State:
-        return replace(compose.without_changes(state), changes=self._first.changes)
 
     def _change(
         self, state: State, client: Client | None, *, told: bool, names: Iterable[str], remembered: bool = True
     ) -> None:
-        """Show a state.
+        """Show a state; what is changed has `names`, and can be undone where it is `remembered`.
 
-        Parameters
-        ----------
-        state
-            It.
-        client
-            The page that asked for it.
-        told
-            Whether that page is told, as all others are.
-        names
-            Of what was changed.
-        remembered
-            Whether the change can be undone.
+        `told`: the page that asked for it is told, too, as all others are.
         """
         with self._wake:
             before = self._state
@@ -603,16 +563,7 @@ class Session:
         client.send(picked(self._image, x, y, purpose))
 
     def _do_look(self, client: Client, **parts: Any) -> None:
-        state = self.state
-        scene = compose.scene_of(self.shown, state)
-        changes: dict[str, Any] = {}
-        if parts.get("kind"):
-            changes["projection"] = parts["kind"]
-        if parts.get("direction"):
-            changes |= {"direction": parts["direction"], "azimuth": 0.0, "elevation": 0.0, "zoom": 1.0}
-        if parts.get("up"):
-            changes["up"] = parts["up"]
-        camera = self.shown.camera(scene, self.size, **changes)
+        camera = compose.camera_towards(self.shown, self.state, self.size, **parts)
         client.send({"type": "camera", "camera": camera_parts(camera)})
 
     def _do_save(self, client: Client, width: int, height: int, *, shown: bool) -> None:

@@ -16,7 +16,7 @@ from sheetsplat.options.core import MODES, definitions
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 from sheetsplat.viewer import compose
-from sheetsplat.viewer.data import Shown
+from sheetsplat.viewer.data import DEFAULT_QUALITY, Shown
 from sheetsplat.viewer.state import Curves, State
 
 # Options that a transfer function of its own replaces, and those of the camera.
@@ -58,7 +58,7 @@ def _settings(shown: Shown, state: State) -> dict[str, Any]:
 
 def _arguments(shown: Shown, state: State, scene: Scene) -> Mapping[str, Any]:
     """Return the keyword arguments of `render`, without camera and size."""
-    given = shown.options_at(state.time)
+    given = shown.options_at(state.choice, state.time)
     options = {name: value for name, value in given.items() if name not in (*_OF_CAMERA, "size", "depth_cue")}
     options |= {"mode": state.mode, "quality": state.quality, **_settings(shown, state)}
     options = {name: value for name, value in options.items() if (name, value) not in _DEFAULTS}
@@ -84,7 +84,7 @@ def _arguments(shown: Shown, state: State, scene: Scene) -> Mapping[str, Any]:
     return {**options, **changes}
 
 
-_DEFAULTS = (("mode", MODES[0]), ("quality", "good"))
+_DEFAULTS = (("mode", MODES[0]), ("quality", DEFAULT_QUALITY))
 
 
 def _changes(state: State, scene: Scene) -> dict[str, Any]:

@@ -80,7 +80,7 @@ def fitted_scene(shown: Shown, state: State, scene: Scene, size: tuple[int, int]
     """Return a scene of a state as pictures of a size have it."""
     if isinstance(shown.data(state.choice, state.time), Scene):
         return scene
-    given: dict[str, Any] = {**shown.options_at(state.time), "quality": state.quality}
+    given: dict[str, Any] = {**shown.options_at(state.choice, state.time), "quality": state.quality}
     # A goal decides when the picture is drawn.
     asked = Asked.of("quality", {name: value for name, value in given.items() if name not in GOALS})
     return fitted(scene, asked, state.camera, size)
@@ -92,10 +92,10 @@ def other_camera(shown: Shown, state: State, scene: Scene, size: tuple[int, int]
     `unmoved`: nobody has turned the first view, so that the other data have their own.
     """
     camera = state.camera
-    if unmoved:
-        return shown.camera(scene, size)
     if scene.bounds == base_of(shown, replace(state, choice=state.camera_of)).scene.bounds:
         return camera
+    if unmoved:
+        return shown.camera(scene, size)
     direction = np.subtract(camera.target, camera.eye).tolist()
     return camera_towards(shown, state, size, direction, camera.world_axes()[1], camera.kind)
 

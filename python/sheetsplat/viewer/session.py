@@ -30,7 +30,7 @@ from sheetsplat.viewer.about import about, bars_of, picked
 from sheetsplat.viewer.changing import state_after, unit_note
 from sheetsplat.viewer.client import Client, Deliver
 from sheetsplat.viewer.code import python_code
-from sheetsplat.viewer.data import Shown
+from sheetsplat.viewer.data import DEFAULT_QUALITY, Shown
 from sheetsplat.viewer.filming import Filming, Order
 from sheetsplat.viewer.history import History
 from sheetsplat.viewer.measuring import error_of, measured_effects
@@ -79,7 +79,7 @@ class Session:
         self.shown = shown
         base = shown.base(0, 0)
         options = shown.options
-        quality = "good" if options.get("quality") is None else options["quality"]
+        quality = options.get("quality") or DEFAULT_QUALITY
         changes = {"depth_cue": Cue()} if is_auto(options.get("depth_cue")) else {}
         self._first = State(shown.camera(base.scene, size), base.scene.mode, quality, changes=changes)
         self._state = self._good = self._first

@@ -209,3 +209,22 @@ def test_a_cluster_draws_what_a_viewer_shows(opened):
         page.say(type="film", width=32, height=24, what="turn", frames=2, fps=5, kind="gif")
         assert page.wait("file")[1][:3] == b"GIF"
         session.close()
+
+
+def test_the_page_lets_choose_among_the_arrays_of_a_file(opened, tmp_path):
+    rows = [f"{x},{y},{z},2,{x + y},{10 * z}" for x in range(4) for y in range(4) for z in range(4)]
+    path = tmp_path / "points.csv"
+    path.write_text("x,y,z,radius,density,heat\n" + "\n".join(rows) + "\n")
+    session = opened(path)
+    page = Page(session)
+    told = page.wait("state")[0]["data"]
+    assert told["title"] == "points.csv" and told["names"][0] == "density" and "heat" in told["names"]
+    page.wait("about")
+    camera = session.state.camera
+    page.set(choice=told["names"].index("heat"))
+    message, payload = page.wait("frame", last=True)
+    expected = ss.render(path, scalar="heat", camera=camera, size=SIZE, backend="cpu", threads=1)
+    assert np.array_equal(picture_of(message, payload), frames.levels(expected, (0.0, 0.0, 0.0)))
+    assert session.state.camera == camera and "scalar='heat'" in session.code().replace('"', "'")
+    assert message["bars"][0]["label"].startswith("heat")
+    assert not opened(path, scalar="heat").shown.names

@@ -37,7 +37,7 @@ def told(page, **parts):
 def test_everything_is_undone_and_done_again(opened, apart):
     session = opened(choices={"a": volume(), "b": volume(0.3)})
     page = Page(session)
-    page.wait("frame", last=True)
+    page.wait("about")
     changes = [
         *CHANGES.items(),
         *(("mode", "mip"), ("quality", "draft"), ("choice", 1), ("backdrop", [1, 0, 0])),
@@ -62,14 +62,15 @@ def test_everything_is_undone_and_done_again(opened, apart):
     page.set(mode="minimum")
     page.say(type="redo")
     assert session.state.mode == "minimum"
-    message = page.wait("frame", last=True)[0]
+    page.wait("about")
+    message = [one for one, _ in page.messages if one["type"] == "frame"][-1]
     assert message["undo"] and not message["redo"]
 
 
 def test_a_drag_is_one_step_and_what_came_to_and_fro_is_none(opened):
     session = opened()
     page = Page(session)
-    page.wait("frame", last=True)
+    page.wait("about")
     first = session.state
     for n in range(5):
         page.set(camera={**CHANGES["camera"], "eye": [40 + n, 7, 9]})
@@ -86,7 +87,7 @@ def test_a_drag_is_one_step_and_what_came_to_and_fro_is_none(opened):
 def test_a_change_that_cannot_be_shown_is_no_step(opened, apart):
     session = opened()
     page = Page(session)
-    page.wait("frame", last=True)
+    page.wait("about")
     page.set(shadows=True)
     page.wait("frame", last=True)
     page.set(gradient_opacity=20.0)
@@ -99,7 +100,7 @@ def test_a_change_that_cannot_be_shown_is_no_step(opened, apart):
 def test_what_lies_over_the_picture_draws_none(opened):
     session = opened()
     page = Page(session)
-    page.wait("frame", last=True)
+    page.wait("about")
     version = session._version
     page.set(shows={"bars": False}, measures=MEASURES)
     told(page, measures=MEASURES, shows={"box": False, "directions": True, "bars": False, "scale": False})
@@ -113,7 +114,7 @@ def test_what_lies_over_the_picture_draws_none(opened):
 def test_each_frame_has_its_own_bars(opened):
     session = opened()
     page = Page(session)
-    page.wait("frame", last=True)
+    page.wait("about")
     for number in range(1, 6):
         page.set(look={"group": 0, "range": [number, 90 + number]}, camera=CHANGES["camera"])
         last = page.wait("frame", last=True)[0]
@@ -128,7 +129,7 @@ def test_other_data_are_framed_and_data_in_the_same_place_keep_their_view(opened
     far = ss.RegularField(volume(n=40), origin=(500, 0, 0))
     session = opened(choices={"a": volume(), "same": volume(0.3), "far": far})
     page = Page(session)
-    page.wait("frame", last=True)
+    page.wait("about")
     page.set(choice=2)
     page.wait("frame", last=True)
     assert session.state.camera == session.shown.camera(session.scene(), SIZE)
@@ -158,7 +159,7 @@ def test_presets_for_ct_say_what_data_they_are_for(opened):
     hounsfield = ss.RegularField(volume()).with_quantity("CT number", unit="HU")
     for data, says in ((volume(), True), (hounsfield, False)):
         page = Page(opened(data))
-        page.wait("frame", last=True)
+        page.wait("about")
         page.set(look={"group": 0, "preset": "ct_bone"})
         page.wait("frame", last=True)
         texts = [one["text"] for one, _ in page.messages if one["type"] == "warning"]
@@ -185,7 +186,7 @@ def test_a_picture_is_there_before_the_page_and_pages_are_told_that_one_is_drawn
 def test_a_pick_is_answered_when_its_picture_is_complete(opened):
     session = opened(volume(n=40))
     page = Page(session)
-    page.wait("frame", last=True)
+    page.wait("about")
     page.set(mode="mip")
     page.say(type="pick", x=0.25, y=0.25, purpose="tell")
     page.say(type="pick", x=0.5, y=0.5, purpose="tell")

@@ -220,7 +220,7 @@ class Shown:
     def _with_log(self, choice: int, time: int) -> dict[str, Any]:
         """Return the options for a time: logarithms of all times are decades above one number."""
         options = self.options_at(choice, time)
-        if not time or options.get("log") is not None:
+        if not time or options.get("log") not in (None, True):
             return options
         floors = {one.quantity.floor for one in self.base(choice, 0).scene.fields} - {None}
         return {**options, "log": floors.pop()} if len(floors) == 1 else options

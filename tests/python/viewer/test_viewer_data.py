@@ -38,6 +38,18 @@ def test_steps_of_a_file_are_times(opened, tmp_path, engine):
         assert frames.levels(space["image"], (0, 0, 0)).tolist() == frames.levels(image, (0, 0, 0)).tolist(), mode
 
 
+def test_logarithms_of_all_times_are_above_one_number(opened):
+    values = 10.0 ** (6 * volume()[::2, ::2, ::2] / volume().max())
+    session = opened(times=[values, 100 * values], log=True)
+    first = session.scene().fields[0].quantity.floor
+    page = Page(session)
+    page.wait("about")
+    page.set(time=1)
+    assert session.scene().fields[0].quantity.floor == first
+    page.set(mode="xray")
+    assert session.scene().fields[0].quantity.floor is None
+
+
 def test_sums_along_rays_are_of_values_whose_logarithms_are_shown(opened):
     values = 10.0 ** (6 * volume()[::2, ::2, ::2].astype(np.float32) / volume().max())
     session = opened(values, log=True)

@@ -21,6 +21,7 @@ from sheetsplat.modes import TRAITS
 from sheetsplat.opacity_words import PRESETS, WORDS
 from sheetsplat.options.core import MODES
 from sheetsplat.options.look import DEFAULT_CMAP
+from sheetsplat.options.picture import unused
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction, color_rows
 from sheetsplat.viewer.data import Histogram, Shown
@@ -56,6 +57,9 @@ def scene_of(shown: Shown, state: State) -> Scene:
     cue: Cue | None = changes.pop("depth_cue", None)
     surfaces: tuple[Surface, ...] | None = changes.pop("surfaces", None)
     changes.pop("backdrop", None)
+    # They come back with a mode that uses them.
+    for name in unused(base.mode, list(changes)):
+        del changes[name]
     if state.curves and TRAITS[base.mode].is_composited:
         functions = [
             state.curves[n].function if n in state.curves else one for n, one in enumerate(base.transfer_functions)
@@ -64,7 +68,7 @@ def scene_of(shown: Shown, state: State) -> Scene:
     if surfaces is not None and TRAITS[base.mode].shows_surfaces:
         changes["iso_value"] = tuple((one.value, one.opacity) for one in surfaces)
         changes["transfer_function"] = _functions_of(shown, base, surfaces)
-    if "depth_cue" in state.changes:
+    if "depth_cue" in state.changes and not unused(base.mode, ["depth_cue"]):
         changes["depth_cue"] = None if cue is None else fitting_depth_cue(base, state.camera, cue.color, cue.strength)
     if not changes:
         return base

@@ -28,8 +28,10 @@ from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import MODES, definitions, pick, pick_given
 from sheetsplat.options.data import OpenOptions
 from sheetsplat.options.look import IN_VALUES
+from sheetsplat.options.picture import unused
 from sheetsplat.options.quality import QualityOptions
 from sheetsplat.options.renderer import RendererOptions
+from sheetsplat.options.scene import SceneOptions
 from sheetsplat.plan import PictureQuality
 from sheetsplat.scene import Scene
 from sheetsplat.viewer.arrays import arrays_of
@@ -268,7 +270,7 @@ class Shown:
         # The kernels of volumes are those of the first mode, so that they are made once.
         own = self.base(choice, time, None, quality).scene
         options["mode"] = mode
-        for name in _OF_ONE_MODE:
+        for name in (*_OF_ONE_MODE, *unused(mode, list(options))):
             options.pop(name, None)
         in_decades = any(one.quantity.floor is not None for one in own.fields)
         # What their logarithms were taken of is added up along rays, and particles may be sums in one of both modes.
@@ -308,12 +310,19 @@ def _scene_file_of(data: object) -> SceneFile | None:
 _OF_ONE_MODE = ({*IN_VALUES} - {"transfer_function"}) | {"scalar_colors", "cmap", "opacity", "log_scale"}
 
 
+# What a scene is refused with in modes that do not use it.
+_LIT = {
+    name: definitions(SceneOptions)[name] for name in ("shadows", "ambient_occlusion", "gradient_opacity", "depth_cue")
+}
+
+
 def _in_mode(scene: Scene, mode: str, options: Mapping[str, Any]) -> Scene:
     """Return a given scene in another mode."""
     changes: dict[str, Any] = {"mode": mode}
     if TRAITS[mode].shows_surfaces and scene.iso_value is None:
         low, high = scene.fields[0].value_range
         changes["iso_value"] = 0.5 * (low + high)
+    changes |= {name: option.default for name, option in _LIT.items() if unused(mode, [name])}
     if TRAITS[mode].adds:
         groups = [[itself(one) for one in fields] for fields in scene.groups]
         changes["field"] = groups if len(groups) > 1 else groups[0]

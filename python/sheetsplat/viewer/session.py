@@ -494,6 +494,8 @@ class Session:
             "milliseconds": milliseconds,
             "error": None if preview else stats.get("estimated_rmse"),
             "camera": camera_parts(state.camera),
+            "choice": state.choice,
+            "time": state.time,
             "bars": bars_of(image),
             **self._history.steps,
         }

@@ -197,7 +197,7 @@ def test_data_in_bricks_are_coarse_at_once_and_whole_when_the_view_rests(opened,
     page.set(mode="mip")
     page.wait("frame", last=True)
     assert session.picture().plan.slices > 0
-    page.set(shadows=True)
+    page.set(mode="composite", shadows=True, gradient_opacity=20.0)
     assert "shadows" in page.wait("error")[0]["text"]
 
 

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 import pytest
-from viewer_pages import CHANGES, PATIENCE, SIZE, Page, volume
+from viewer_pages import CHANGES, PATIENCE, SIZE, Page, made_by, volume
 
 import sheetsplat as ss
 from sheetsplat._json import plain
@@ -195,3 +195,36 @@ def test_a_pick_is_answered_when_its_picture_is_complete(opened):
     kinds = [(one["type"], one.get("last")) for one, _ in page.messages]
     assert kinds.index(("frame", True)) < kinds.index(("picked", None)) and found["value"] > 50
     assert [one["x"] for one, _ in page.messages if one["type"] == "picked"] == [0.5, 0.5]
+
+
+@pytest.mark.parametrize("name", ["shadows", "ambient_occlusion", "gradient_opacity", "depth_cue"])
+@pytest.mark.parametrize("given", ["by the page", "as an option", "in a scene"])
+def test_modes_without_light_leave_it_out_and_those_with_it_have_it_again(opened, name, given):
+    value = CHANGES[name]
+    made = {
+        "shadows": True,
+        "ambient_occlusion": ss.AmbientOcclusion(3.0, 0.7),
+        "gradient_opacity": 20.0,
+        "depth_cue": ss.DepthCue(5.0, 50.0),
+    }[name]
+    if given == "in a scene":
+        scene = ss.Scene(ss.RegularField(volume()), [(0, 1, 1, 1, 0), (90, 1, 1, 1, 1)], **{name: made})
+        session = opened(scene)
+    else:
+        session = opened(**({name: made} if given == "as an option" else {}))
+    page = Page(session)
+    page.wait("about")
+    if given == "by the page":
+        page.set(**{name: value})
+    lit = session.picture()
+    for mode in ("mip", "xray"):
+        page.set(mode=mode)
+        page.wait("about")
+        assert session.state.mode == mode
+        if given != "in a scene":
+            made_again = made_by(session.code(), volume())
+            assert np.array_equal(made_again.scalar, session.picture().scalar)
+    page.set(mode="composite")
+    page.wait("about")
+    assert np.array_equal(session.picture().rgba, lit.rgba)
+    assert not [one for one, _ in page.messages if one["type"] == "error"]

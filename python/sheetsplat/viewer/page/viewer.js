@@ -27,6 +27,7 @@ function mount(root, connect, keys = root) {
   let offered = { modes: [], colormaps: {}, words: [], presets: [] };
   let state = null;
   let data = null;
+  let seen = null; // The data that the picture shows.
   let camera = null; // The one that hands move; the picture's own may be older.
   let own = 0; // When hands moved it, until a picture shows it.
   let drawn = { number: 0, camera: null, size: [1, 1], bars: [] };
@@ -92,7 +93,7 @@ function mount(root, connect, keys = root) {
     plan: planPanel(set, send),
   };
   // What is over a picture with a camera and bars.
-  const decoration = ({ camera: of, bars }) => ({ camera: of, data, bars, shows: state && state.shows, measures: state ? state.measures : [] });
+  const decoration = ({ camera: of, bars }) => ({ camera: of, data: seen || data, bars, shows: state && state.shows, measures: state ? state.measures : [] });
   const redraw = perFrame(() => {
     if (!state) return;
     const { kind, points } = panels.measure;
@@ -207,6 +208,9 @@ function mount(root, connect, keys = root) {
     sign.hidden = Boolean(drawn.number) || !drawing;
     if (drawing && drawn.number) impatient = setTimeout(() => { sign.hidden = false; }, IMPATIENT);
   }
+  function see() {
+    if (state && drawn.choice === state.choice && drawn.time === state.time) seen = data;
+  }
   function showSteps(message) {
     backwards.disabled = !message.undo;
     forwards.disabled = !message.redo;
@@ -225,6 +229,7 @@ function mount(root, connect, keys = root) {
       [picture.width, picture.height] = message.size;
       picture.getContext("2d").drawImage(image, 0, 0);
       drawn = message;
+      see();
       if (camera && sameCamera(camera, message.camera)) own = 0;
       if (!camera || (!moving && !flight && (!own || performance.now() - own > OWN))) camera = message.camera;
       kinds.textContent = camera.kind === "perspective" ? "Parallel" : "Perspective";
@@ -262,6 +267,7 @@ function mount(root, connect, keys = root) {
     state(message) {
       state = message.state;
       data = message.data;
+      see();
       if (!camera) camera = state.camera;
       title.textContent = title.title = data.title;
       modes.show(state.mode);

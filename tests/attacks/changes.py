@@ -30,6 +30,8 @@ CHANGES: dict[str, list[Any]] = {
     "max_error": [0.01],
     "max_seconds": [0.5],
     "effects": [{"opacity_correction": False, "elimination": True}, {}],
+    "shows": [{"box": True, "scale": True}, {}],
+    "measures": [[[[0, 0, 0], [3, 4, 0]], [[0, 0, 0], [3, 4, 0], [1, 1, 1]]], []],
     "settings": [{"threads": 1}],
     "look": [
         {"group": 0, "opacity": [[10, 0], [60, 0.4], [90, 0.1]]},

@@ -24,7 +24,7 @@ from attacks.websocket import Line, frame
 _SECONDS = 60.0
 _MOST_PAGES = 6
 _ASKED: tuple[dict[str, Any], ...] = (
-    {"type": "save", "width": 400, "height": 300},
+    {"type": "save", "width": 400, "height": 300, "shown": False},
     {"type": "film", "what": "turn", "frames": 40, "fps": 9, "kind": "gif", "width": 64, "height": 48},
     {"type": "set", "changes": {"shadows": True, "quality": "best"}},
     {"type": "set", "changes": {"mode": "isosurface"}},

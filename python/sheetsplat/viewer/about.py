@@ -1,4 +1,4 @@
-"""What a page is told of a picture: its plan and colour bars, and what lies under the pointer."""
+"""What a page is told of a picture: its colour bars, its plan, and what lies under the pointer."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from sheetsplat.plan import RenderPlan
 from sheetsplat.viewer.compose import hexadecimal
 
 
-def about(image: Image, costs: Mapping[str, float | None]) -> dict[str, Any]:
-    """Return the message with what the panels show of a complete picture; `costs`: milliseconds of effects."""
-    bars = [
+def bars_of(image: Image) -> list[dict[str, Any]]:
+    """Return the colour bars of a picture as the page draws them."""
+    return [
         {
             "label": bar.label,
             "low": bar.low,
@@ -25,7 +25,11 @@ def about(image: Image, costs: Mapping[str, float | None]) -> dict[str, Any]:
         }
         for bar in color_bars(image)
     ]
-    return {"type": "about", "bars": bars, "plan": _plan(image.plan, costs), "notes": image.plan.notes}
+
+
+def about(image: Image, costs: Mapping[str, float | None]) -> dict[str, Any]:
+    """Return the message with what the panels show of a complete picture; `costs`: milliseconds of effects."""
+    return {"type": "about", "plan": _plan(image.plan, costs), "notes": image.plan.notes}
 
 
 def _plan(plan: RenderPlan, costs: Mapping[str, float | None]) -> dict[str, Any]:
@@ -59,9 +63,9 @@ def _short(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def picked(image: Image | None, x: float, y: float) -> dict[str, Any]:
+def picked(image: Image | None, x: float, y: float, purpose: str) -> dict[str, Any]:
     """Return the message with what a picture shows at (x, y), shares of its width and height from the top left."""
-    told: dict[str, Any] = {"type": "picked", "x": x, "y": y, "value": None}
+    told: dict[str, Any] = {"type": "picked", "x": x, "y": y, "purpose": purpose, "value": None}
     if image is None or not (0 <= x < 1 and 0 <= y < 1):
         return told
     width, height = image.size

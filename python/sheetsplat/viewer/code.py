@@ -13,10 +13,11 @@ from sheetsplat.fields import Field, RegularField
 from sheetsplat.modes import TRAITS
 from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import MODES, definitions
+from sheetsplat.options.picture import unused
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 from sheetsplat.viewer import compose
-from sheetsplat.viewer.data import Shown
+from sheetsplat.viewer.data import DEFAULT_QUALITY, Shown
 from sheetsplat.viewer.state import Curves, State
 
 # Options that a transfer function of its own replaces, and those of the camera.
@@ -58,13 +59,14 @@ def _settings(shown: Shown, state: State) -> dict[str, Any]:
 
 def _arguments(shown: Shown, state: State, scene: Scene) -> Mapping[str, Any]:
     """Return the keyword arguments of `render`, without camera and size."""
-    given = shown.options_at(state.time)
+    given = shown.options_at(state.choice, state.time)
     options = {name: value for name, value in given.items() if name not in (*_OF_CAMERA, "size", "depth_cue")}
+    options = {name: value for name, value in options.items() if not unused(state.mode, [name])}
     options |= {"mode": state.mode, "quality": state.quality, **_settings(shown, state)}
     options = {name: value for name, value in options.items() if (name, value) not in _DEFAULTS}
     if isinstance(shown.options.get("depth_cue"), str) or "depth_cue" in state.changes:
         options["depth_cue"] = scene.options["depth_cue"]
-    elif "depth_cue" in shown.options:
+    elif "depth_cue" in shown.options and not unused(state.mode, ["depth_cue"]):
         options["depth_cue"] = shown.options["depth_cue"]
     changes = _changes(state, scene)
     if "transfer_function" in changes:
@@ -84,12 +86,16 @@ def _arguments(shown: Shown, state: State, scene: Scene) -> Mapping[str, Any]:
     return {**options, **changes}
 
 
-_DEFAULTS = (("mode", MODES[0]), ("quality", "good"))
+_DEFAULTS = (("mode", MODES[0]), ("quality", DEFAULT_QUALITY))
 
 
 def _changes(state: State, scene: Scene) -> dict[str, Any]:
     """Return what was changed in the viewer, as the scene has it now."""
-    found = {name: scene.options[name] for name in state.changes if name in scene.options and name != "depth_cue"}
+    found = {
+        name: scene.options[name]
+        for name in state.changes
+        if name in scene.options and name != "depth_cue" and not unused(scene.mode, [name])
+    }
     # Later times have the look of the first one.
     later = state.time > 0
     if ("surfaces" in state.changes or later) and TRAITS[scene.mode].shows_surfaces:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from sheetsplat._checks import Triple, triple
 from sheetsplat.api import Prepared
+from sheetsplat.camera import Camera
 from sheetsplat.choose.asked import GOALS, Asked
 from sheetsplat.choose.picture import fitted
 from sheetsplat.describe.schema import plain
@@ -20,11 +21,13 @@ from sheetsplat.modes import TRAITS
 from sheetsplat.opacity_words import PRESETS, WORDS
 from sheetsplat.options.core import MODES
 from sheetsplat.options.look import DEFAULT_CMAP
+from sheetsplat.options.picture import unused
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction, color_rows
 from sheetsplat.viewer.data import Histogram, Shown
 from sheetsplat.viewer.state import (
     OF_SCENES,
+    SHOWS,
     Cue,
     Curves,
     State,
@@ -50,10 +53,13 @@ def base_of(shown: Shown, state: State) -> Prepared:
 def scene_of(shown: Shown, state: State) -> Scene:
     """Return the scene that a state shows. Raises what the data and `Scene` raise."""
     base = base_of(shown, state).scene
-    changes = dict(state.changes)
+    changes = dict(state.drawn.changes)
     cue: Cue | None = changes.pop("depth_cue", None)
     surfaces: tuple[Surface, ...] | None = changes.pop("surfaces", None)
     changes.pop("backdrop", None)
+    # They come back with a mode that uses them.
+    for name in unused(base.mode, list(changes)):
+        del changes[name]
     if state.curves and TRAITS[base.mode].is_composited:
         functions = [
             state.curves[n].function if n in state.curves else one for n, one in enumerate(base.transfer_functions)
@@ -62,7 +68,7 @@ def scene_of(shown: Shown, state: State) -> Scene:
     if surfaces is not None and TRAITS[base.mode].shows_surfaces:
         changes["iso_value"] = tuple((one.value, one.opacity) for one in surfaces)
         changes["transfer_function"] = _functions_of(shown, base, surfaces)
-    if "depth_cue" in state.changes:
+    if "depth_cue" in state.changes and not unused(base.mode, ["depth_cue"]):
         changes["depth_cue"] = None if cue is None else fitting_depth_cue(base, state.camera, cue.color, cue.strength)
     if not changes:
         return base
@@ -78,10 +84,43 @@ def fitted_scene(shown: Shown, state: State, scene: Scene, size: tuple[int, int]
     """Return a scene of a state as pictures of a size have it."""
     if isinstance(shown.data(state.choice, state.time), Scene):
         return scene
-    given: dict[str, Any] = {**shown.options_at(state.time), "quality": state.quality}
+    given: dict[str, Any] = {**shown.options_at(state.choice, state.time), "quality": state.quality}
     # A goal decides when the picture is drawn.
     asked = Asked.of("quality", {name: value for name, value in given.items() if name not in GOALS})
     return fitted(scene, asked, state.camera, size)
+
+
+def other_camera(shown: Shown, state: State, scene: Scene, size: tuple[int, int], *, unmoved: bool) -> Camera:
+    """Return the camera for other data than the state's was made for; data in the same place keep it.
+
+    `unmoved`: nobody has turned the first view, so that the other data have their own.
+    """
+    camera = state.camera
+    if scene.bounds == base_of(shown, replace(state, choice=state.camera_of)).scene.bounds:
+        return camera
+    if unmoved:
+        return shown.camera(scene, size)
+    direction = np.subtract(camera.target, camera.eye).tolist()
+    return camera_towards(shown, state, size, direction, camera.world_axes()[1], camera.kind)
+
+
+def camera_towards(
+    shown: Shown,
+    state: State,
+    size: tuple[int, int],
+    direction: Sequence[float] | None = None,
+    up: Sequence[float] | None = None,
+    kind: str | None = None,
+) -> Camera:
+    """Return the first camera of a state's data, but for a direction of view, one upwards and a kind of projection."""
+    changes: dict[str, Any] = {}
+    if kind:
+        changes["projection"] = kind
+    if direction:
+        changes |= {"direction": direction, "azimuth": 0.0, "elevation": 0.0, "zoom": 1.0}
+    if up:
+        changes["up"] = up
+    return shown.camera(scene_of(shown, state), size, **changes)
 
 
 def _functions_of(shown: Shown, scene: Scene, surfaces: tuple[Surface, ...]) -> Any:
@@ -168,6 +207,8 @@ def state_parts(shown: Shown, state: State, scene: Scene) -> dict[str, Any]:
         "depth_cue": None if cue is None else {"strength": cue.strength, "color": hexadecimal(cue.color)},
         "background": None if scene.background is None else hexadecimal(scene.background),
         "backdrop": hexadecimal(state.changes.get("backdrop", (0.0, 0.0, 0.0))),
+        "shows": state.changes.get("shows", SHOWS),
+        "measures": state.changes.get("measures", ()),
         "max_error": state.settings.get("max_error", shown.options.get("max_error")),
         "max_seconds": state.settings.get("max_seconds", shown.options.get("max_seconds")),
         "effects": state.settings.get("effects", shown.options.get("effects") or {}),
@@ -181,7 +222,7 @@ def data_parts(shown: Shown, state: State, scene: Scene) -> dict[str, Any]:
     groups = []
     for fields, histogram in zip(scene.groups, found, strict=True):
         quantity = fields[0].quantity
-        parts = {"label": quantity.label, "floor": quantity.floor}
+        parts = {"label": quantity.label, "floor": quantity.floor, "unit": quantity.unit}
         groups.append({**parts, "low": histogram.low, "high": histogram.high, "counts": histogram.counts})
     lower, upper = scene.bounds
     # The box around the data themselves, where it has an extent.
@@ -215,8 +256,3 @@ def offered() -> dict[str, Any]:
         "words": [*words, "isolayers:4", "isolayers:8"],
         "presets": list(PRESETS),
     }
-
-
-def without_changes(state: State) -> State:
-    """Return the state without any change but of the camera."""
-    return replace(state, changes={}, curves={}, settings={})

@@ -25,12 +25,16 @@ from sheetsplat.look.decades import itself
 from sheetsplat.look.histogram import stride_of
 from sheetsplat.modes import TRAITS
 from sheetsplat.options.camera import CameraOptions
-from sheetsplat.options.core import MODES, pick, pick_given
+from sheetsplat.options.core import MODES, definitions, pick, pick_given
 from sheetsplat.options.data import OpenOptions
 from sheetsplat.options.look import IN_VALUES
+from sheetsplat.options.picture import unused
+from sheetsplat.options.quality import QualityOptions
 from sheetsplat.options.renderer import RendererOptions
+from sheetsplat.options.scene import SceneOptions
 from sheetsplat.plan import PictureQuality
 from sheetsplat.scene import Scene
+from sheetsplat.viewer.arrays import arrays_of
 from sheetsplat.viewer.coarse import coarse_fields
 
 Made = TypeVar("Made")
@@ -42,6 +46,8 @@ _ENOUGH = 500_000
 # Options of `render` that a viewer has in other ways, or that belong to one picture.
 REFUSED = ("outputs", "progress", "renderer", "depth_limit")
 MOST_DATA = 100_000
+#: The quality of pictures where the options name none.
+DEFAULT_QUALITY = str(definitions(QualityOptions)["quality"].default)
 
 
 class _Recent:
@@ -117,7 +123,7 @@ def _named(what: str, given: object) -> tuple[tuple[str, Any], ...]:
 
 
 class Shown:
-    """What a viewer shows: one of several data, or one of several times.
+    """What a viewer shows: one of several data, one of several times, or one of the arrays of a file.
 
     Parameters
     ----------
@@ -146,11 +152,17 @@ class Shown:
         self._data, self._scene_file = data, _scene_file_of(data)
         # Options that choose a time of a file.
         self._steps: list[dict[str, Any]] = []
+        # Options that choose an array of a file.
+        self._arrays: list[dict[str, Any]] = []
         if isinstance(data, str | os.PathLike) and self._scene_file is None:
             steps = time_steps(data, pick_given(OpenOptions, self.options))
             if len(steps) > 1:
                 self._times = tuple((f"step {number}", path) for number, (path, _) in enumerate(steps))
                 self._steps = [chosen for _, chosen in steps]
+            elif arrays := arrays_of(data, pick_given(OpenOptions, self.options)):
+                self._choices = tuple((name, data) for name in arrays)
+                # The first one is the one that is shown by itself.
+                self._arrays = [{}, *({"scalar": name} for name in arrays[1:])]
         if self._scene_file is not None:
             made = self._scene_file.prepare(**self.options)
             self._data, self.options = (
@@ -177,9 +189,10 @@ class Shown:
         """Whose workers draw data in bricks; None: this process."""
         return self.options.get("client")
 
-    def options_at(self, time: int) -> dict[str, Any]:
-        """Return the options of `render` for a time."""
-        return {**self.options, **self._steps[time]} if self._steps else self.options
+    def options_at(self, choice: int, time: int) -> dict[str, Any]:
+        """Return the options of `render` for a choice and a time."""
+        chosen = self._steps[time] if self._steps else self._arrays[choice] if self._arrays else {}
+        return {**self.options, **chosen}
 
     def data(self, choice: int, time: int) -> object:
         """Return data as they were given."""
@@ -208,8 +221,8 @@ class Shown:
 
     def _with_log(self, choice: int, time: int) -> dict[str, Any]:
         """Return the options for a time: logarithms of all times are decades above one number."""
-        options = self.options_at(time)
-        if not time or options.get("log") is not None:
+        options = self.options_at(choice, time)
+        if not time or options.get("log") not in (None, True):
             return options
         floors = {one.quantity.floor for one in self.base(choice, 0).scene.fields} - {None}
         return {**options, "log": floors.pop()} if len(floors) == 1 else options
@@ -224,6 +237,11 @@ class Shown:
         mode, quality
             Those of `render`; as the options say unless given.
         """
+        # What follows from the options by themselves is made once.
+        if mode == (self.options.get("mode") or MODES[0]) and not isinstance(self.data(choice, time), Scene):
+            mode = None
+        if quality == (self.options.get("quality") or DEFAULT_QUALITY):
+            quality = None
         key = choice, time, mode, quality
         return self._scenes.get(key, lambda: self._composed(*key))
 
@@ -252,7 +270,7 @@ class Shown:
         # The kernels of volumes are those of the first mode, so that they are made once.
         own = self.base(choice, time, None, quality).scene
         options["mode"] = mode
-        for name in _OF_ONE_MODE:
+        for name in (*_OF_ONE_MODE, *unused(mode, list(options))):
             options.pop(name, None)
         in_decades = any(one.quantity.floor is not None for one in own.fields)
         # What their logarithms were taken of is added up along rays, and particles may be sums in one of both modes.
@@ -292,12 +310,19 @@ def _scene_file_of(data: object) -> SceneFile | None:
 _OF_ONE_MODE = ({*IN_VALUES} - {"transfer_function"}) | {"scalar_colors", "cmap", "opacity", "log_scale"}
 
 
+# What a scene is refused with in modes that do not use it.
+_LIT = {
+    name: definitions(SceneOptions)[name] for name in ("shadows", "ambient_occlusion", "gradient_opacity", "depth_cue")
+}
+
+
 def _in_mode(scene: Scene, mode: str, options: Mapping[str, Any]) -> Scene:
     """Return a given scene in another mode."""
     changes: dict[str, Any] = {"mode": mode}
     if TRAITS[mode].shows_surfaces and scene.iso_value is None:
         low, high = scene.fields[0].value_range
         changes["iso_value"] = 0.5 * (low + high)
+    changes |= {name: option.default for name, option in _LIT.items() if unused(mode, [name])}
     if TRAITS[mode].adds:
         groups = [[itself(one) for one in fields] for fields in scene.groups]
         changes["field"] = groups if len(groups) > 1 else groups[0]

@@ -41,10 +41,14 @@ _KNOWN: dict[str, dict[str, Any]] = {
     "size": {"width": _LENGTH, "height": _LENGTH},
     "set": {"changes": Mapping[str, object]},
     "drawn": {"number": _NUMBER},
-    "pick": {"x": float, "y": float},
+    "undo": {},
+    "redo": {},
+    # To tell what is under the pointer, to turn about it, or to measure from it.
+    "pick": {"x": float, "y": float, "purpose": Literal["tell", "centre", "measure"]},
     "look": {"direction": _VECTOR, "up": _VECTOR, "kind": Kind | None},
     "reset": {},
-    "save": {"width": _LENGTH, "height": _LENGTH},
+    # As it is shown, with what the page draws over it, or alone.
+    "save": {"width": _LENGTH, "height": _LENGTH, "shown": bool},
     "film": {
         **{"what": Literal["turn", "times"], "frames": Whole(2, _MOST_FRAMES), "fps": _RATE},
         **{"kind": Literal["mp4", "webm", "gif"], "width": _LENGTH, "height": _LENGTH},

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import logging
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from sheetsplat._checks import Triple, is_auto
 from sheetsplat.api import Prepared
@@ -19,20 +18,23 @@ from sheetsplat.bricks.picture import draw as draw_in_bricks
 from sheetsplat.camera import Camera
 from sheetsplat.describe.recipe import Recipe
 from sheetsplat.describe.scene_file import SceneFile
-from sheetsplat.errors import Cancelled, Error, Unsupported, complain
+from sheetsplat.errors import Cancelled, Error, Unsupported
 from sheetsplat.fields import any_in_bricks
 from sheetsplat.image import Image
-from sheetsplat.notices import PictureWarning, muted, taken
+from sheetsplat.notices import PictureWarning, taken
 from sheetsplat.options.renderer import Progress
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 from sheetsplat.viewer import compose, frames
-from sheetsplat.viewer.about import about, picked
+from sheetsplat.viewer.about import about, bars_of, picked
+from sheetsplat.viewer.changing import state_after, unit_note
 from sheetsplat.viewer.client import Client, Deliver
-from sheetsplat.viewer.coarse import coarse_scene
 from sheetsplat.viewer.code import python_code
-from sheetsplat.viewer.data import Shown
+from sheetsplat.viewer.data import DEFAULT_QUALITY, Shown
 from sheetsplat.viewer.filming import Filming, Order
+from sheetsplat.viewer.history import History
+from sheetsplat.viewer.measuring import error_of, measured_effects
+from sheetsplat.viewer.previews import Previews
 from sheetsplat.viewer.protocol import Message, parse
 from sheetsplat.viewer.state import Cue, State, camera_parts
 
@@ -41,17 +43,22 @@ _log = logging.getLogger("sheetsplat")
 # Least seconds that the first stage of a picture may take before a newer picture stops it.
 _PATIENCE = 1.0
 _FIRST_SECONDS = 0.05
-# Seconds of a first stage from which on coarse copies of the data are drawn before it, and of one of them with light.
-_SLOW, _SLOW_LIGHT = 0.08, 0.25
 # Seconds without a change after which data in bricks are drawn: until then coarse copies alone.
 _REST = 0.15
-# Pixels of the pictures that measure what effects cost.
-_MEASURED = 240 * 180
 _BEHIND: Triple = (0.0, 0.0, 0.0)
 _LONGEST_TEXT = 2000
 # Things that pages may wait for; what is asked for beyond them is dropped.
 _MOST_JOBS = 100
 _Jobs = dict[tuple[str, int], tuple[Message, Client]]
+
+
+class _Present(NamedTuple):
+    """What is shown at one time: `unmoved`, by the first camera; `refit`, which was for another size."""
+
+    state: State
+    size: tuple[int, int]
+    unmoved: bool
+    refit: bool
 
 
 class Session:
@@ -72,7 +79,7 @@ class Session:
         self.shown = shown
         base = shown.base(0, 0)
         options = shown.options
-        quality = "good" if options.get("quality") is None else options["quality"]
+        quality = options.get("quality") or DEFAULT_QUALITY
         changes = {"depth_cue": Cue()} if is_auto(options.get("depth_cue")) else {}
         self._first = State(shown.camera(base.scene, size), base.scene.mode, quality, changes=changes)
         self._state = self._good = self._first
@@ -85,8 +92,10 @@ class Session:
         self._jobs: _Jobs = {}
         self._idle_jobs: _Jobs = {}
         self._image: Image | None = None
-        self._first_seconds, self._plain_light = 0.0, False
-        self._previewer: Renderer | None = None
+        self._previews, self._history = Previews(shown), History()
+        # A picture may be wanted before a page is there; the newest frame is there for pages that come later.
+        self._early, self._busy = False, False
+        self._frame_sent: tuple[dict[str, Any], bytes] | None = None
         self._costs: dict[str, float | None] = {}
         self._filming = Filming(shown)
         self._stopped = self._closed = False
@@ -125,10 +134,10 @@ class Session:
 
     def _settled(self) -> tuple[State, Scene, tuple[int, int]]:
         """Return state, scene and size as the next picture has them: no picture may have been drawn at the size yet."""
-        state, size = self.state, self.size
-        scene = compose.scene_of(self.shown, state)
-        state = self._framed(state, scene, size)
-        return state, compose.fitted_scene(self.shown, state, scene, size), size
+        with self._wake:
+            now = self._present()
+        state, scene = self._framed(now)
+        return state, compose.fitted_scene(self.shown, state, scene, now.size), now.size
 
     def code(self) -> str:
         """Return Python that makes the picture that is shown."""
@@ -144,7 +153,9 @@ class Session:
 
     def look_from(self, camera: Camera) -> None:
         """Show the scene by another camera."""
-        self._change(replace(self.state, camera=camera), None, told=True)
+        state = self.state
+        state = replace(state, camera=camera, camera_of=state.choice)
+        self._change(state, None, told=True, names=("camera",))
 
     # What pages see.
 
@@ -153,10 +164,20 @@ class Session:
         client = Client(deliver)
         with self._wake:
             self._clients.append(client)
-            if self._worker is None and not self._closed:
-                self._worker = threading.Thread(target=self._work, name="sheetsplat-viewer", daemon=True)
-                self._worker.start()
+            self._start()
         return client
+
+    def expect(self) -> None:
+        """Begin to draw for a page that will come: a browser takes a second to start."""
+        with self._wake:
+            self._early = True
+            self._start()
+
+    def _start(self) -> None:
+        """Let the thread that draws begin; the caller holds the lock."""
+        if self._worker is None and not self._closed:
+            self._worker = threading.Thread(target=self._work, name="sheetsplat-viewer", daemon=True)
+            self._worker.start()
 
     def disconnect(self, client: Client) -> None:
         """Forget a page, and what it asked for."""
@@ -206,6 +227,8 @@ class Session:
             self._resize(client, (parts["width"], parts["height"]), first=message.type == "hello")
         elif message.type == "set":
             self._set(client, parts["changes"])
+        elif message.type in ("undo", "redo"):
+            self._move(back=message.type == "undo")
         elif message.type == "stop":
             with self._wake:
                 self._stopped = True
@@ -216,9 +239,11 @@ class Session:
             self._filming.stop()
         else:
             with self._wake:
-                if message.type in ("pick", "measure"):
-                    self._idle_jobs[message.type, id(client)] = message, client
-                elif len(self._jobs) < _MOST_JOBS:
+                if message.type in ("pick", "measure") and len(self._idle_jobs) < _MOST_JOBS:
+                    # Of places under the pointer the newest alone is told.
+                    key = "tell" if parts.get("purpose") == "tell" else repr(message)
+                    self._idle_jobs[key, id(client)] = message, client
+                elif message.type not in ("pick", "measure") and len(self._jobs) < _MOST_JOBS:
                     self._jobs[repr(message), id(client)] = message, client
                 self._wake.notify_all()
 
@@ -227,15 +252,20 @@ class Session:
         if first:
             client.send({"type": "hello", **compose.offered()})
         with self._wake:
+            ready = self._frame_sent if first else None
             if first:
                 self._owe_state(client)
             self._size = size
             self._version += 1
             self._wake.notify_all()
+        if ready is not None:
+            # Something to look at until there is a picture of this size.
+            client.send({**ready[0], "last": False}, ready[1])
+        self._say_busy(client)
 
     def _set(self, client: Client, changes: Mapping[str, Any]) -> None:
         try:
-            state, told = self._after(self.state, changes)
+            state, told = state_after(self.shown, self._first, self.state, changes)
         except Error as error:
             client.send(_error_message(str(error)))
             with self._wake:
@@ -245,50 +275,48 @@ class Session:
         with self._wake:
             if client.size is not None:
                 self._size = client.size
-        self._change(state, client, told=told)
+        self._change(state, client, told=told, names=changes)
+        if note := unit_note(self.shown, state, changes.get("look")):
+            client.send({"type": "warning", "text": note})
 
-    def _after(self, state: State, changes: Mapping[str, Any]) -> tuple[State, bool]:
-        """Return the state after changes, and whether the page that asked must be told more than it knows."""
-        told = False
-        for name, value in changes.items():
-            if name in ("choice", "time"):
-                count = len(self.shown.names if name == "choice" else self.shown.times)
-                state, told = state.numbered(name, value, count), True
-            elif name == "look":
-                state, more = self._with_look(state, value)
-                told = told or more
-            elif name == "automatic":
-                state, told = self._automatic(state), True
-            else:
-                state = state.changed(name, value)
-                told = told or name in ("mode", "quality", "surfaces", "effects", "background")
-        return state, told
+    def _change(
+        self, state: State, client: Client | None, *, told: bool, names: Iterable[str], remembered: bool = True
+    ) -> None:
+        """Show a state; what is changed has `names`, and can be undone where it is `remembered`.
 
-    def _with_look(self, state: State, value: object) -> tuple[State, bool]:
-        given = value if isinstance(value, dict) else {}
-        group = given.get("group", 0)
-        groups = len(self.shown.base(state.choice, 0).scene.groups)
-        if not isinstance(group, int) or not 0 <= group < groups:
-            return state, True
-        if given.get("automatic"):
-            return state.with_curves(group, None), True
-        return state.with_curves(group, compose.curves_of(self.shown, state, group).changed(given)), True
-
-    def _automatic(self, state: State) -> State:
-        return replace(compose.without_changes(state), changes=self._first.changes)
-
-    def _change(self, state: State, client: Client | None, *, told: bool) -> None:
-        """Show a state; `told`: the page that asked for it is told, too, as all others are."""
+        `told`: the page that asked for it is told, too, as all others are.
+        """
         with self._wake:
-            camera_only = replace(state, camera=self._state.camera) == self._state
+            before = self._state
+            if remembered and state != before:
+                self._history.note(before, names)
             self._state = state
-            self._version += 1
-            self._stopped = True
             others = [one for one in self._clients if one is not client or told]
-            if told or not camera_only:
+            if told or replace(state, camera=before.camera) != before:
                 for one in others:
                     self._owe_state(one)
+            # A picture that failed is tried again.
+            if state.drawn != before.drawn or state == before:
+                self._version += 1
+                self._stopped = True
             self._wake.notify_all()
+        self._say_busy()
+
+    def _move(self, *, back: bool) -> None:
+        """Show what was shown before, or what was undone."""
+        with self._wake:
+            state = self._history.move(self._state, back=back)
+        if state is not None:
+            self._change(state, None, told=True, names=(), remembered=False)
+
+    def _say_busy(self, client: Client | None = None) -> None:
+        """Tell pages that a picture is under way, once until it is complete; `client`: that page, whatever it knows."""
+        with self._wake:
+            news = self._version != self._drawn and not self._busy
+            self._busy = self._busy or news
+            pages = list(self._clients) if news else [client] if client is not None and self._busy else []
+        for one in pages:
+            one.send({"type": "drawing"})
 
     def _owe_state(self, client: Client) -> None:
         """Let the thread that draws tell a page what is shown; the caller holds the lock."""
@@ -302,7 +330,7 @@ class Session:
                 self._wake.wait_for(self._has_work)
                 if self._closed:
                     return
-                job, draws = None, self._version != self._drawn and bool(self._clients)
+                job, draws = None, self._draws()
                 if self._jobs:
                     job = self._jobs.pop(next(iter(self._jobs)))
                 elif not draws and self._idle_jobs:
@@ -326,9 +354,12 @@ class Session:
             _log.exception("the viewer met an error")
             self._tell(_error_message(f"{type(error).__name__}: {error}"))
 
+    def _draws(self) -> bool:
+        """Return whether a picture is to be drawn, for a page that is there or expected."""
+        return self._version != self._drawn and (self._early or bool(self._clients))
+
     def _has_work(self) -> bool:
-        waits = self._version != self._drawn and bool(self._clients)
-        return self._closed or waits or bool(self._jobs) or bool(self._idle_jobs)
+        return self._closed or self._draws() or bool(self._jobs) or bool(self._idle_jobs)
 
     def _tell(self, message: dict[str, Any], payload: bytes = b"") -> None:
         for client in self._pages():
@@ -350,24 +381,29 @@ class Session:
     def _draw(self) -> None:
         """Draw the newest state, stage by stage, until a newer one comes."""
         with self._wake:
-            state, version, size = self._state, self._version, self._size
+            now, version = self._present(), self._version
+            state, size = now.state, now.size
             self._drawn, self._stopped = version, False
         began = time.perf_counter()
         stage, previewed = 1, False
 
         def progress(_: float) -> bool:
+            # What changes no picture is told while one is drawn.
+            self._tell_owed()
             patient = stage == 1 and not previewed and time.perf_counter() - began < _PATIENCE
             return patient or not self._superseded(version)
 
         try:
-            scene = compose.scene_of(self.shown, state)
-            state = self._framed(state, scene, size)
+            state, scene = self._framed(now)
             scene = compose.fitted_scene(self.shown, state, scene, size)
             if state.settings != self._settings:
                 self._renderer, self._settings = self.renderer(state), dict(state.settings)
-            previewed = self._preview(scene, state, size)
-            if previewed and self._superseded(version):
-                return
+            preview = self._previews.draw(scene, state, size)
+            if preview is not None:
+                previewed = True
+                self._frame(preview, state, version, 1000.0 * (time.perf_counter() - began), preview=True)
+                if self._superseded(version):
+                    return
             resumed = time.perf_counter()
             pictures: Iterable[Image]
             if any_in_bricks(scene.fields):
@@ -379,44 +415,17 @@ class Session:
                     scene, state.camera, size=size, progress=progress, first_seconds=_FIRST_SECONDS
                 )
             for image in pictures:
-                if stage == 1:
-                    self._first_seconds = time.perf_counter() - resumed
+                first = time.perf_counter() - resumed if stage == 1 else None
                 self._frame(image, state, version, 1000.0 * (time.perf_counter() - began))
                 stage += 1
+                if first is not None:
+                    self._previews.note(scene, state, first)
                 if self._superseded(version):
                     return
-            if self._first_seconds > _SLOW and not any_in_bricks(scene.fields):
-                # Sooner than it is needed.
-                self.shown.coarse(scene.fields, (state.choice, state.time))
         except Cancelled:
             return
         except Error as error:
             self._fail(error, state, version)
-            return
-        with self._wake:
-            self._good = state
-
-    def _preview(self, scene: Scene, state: State, size: tuple[int, int]) -> bool:
-        """Show a picture of coarse copies of the data, where the first stage of the data themselves is slow."""
-        if self._first_seconds <= _SLOW and not any_in_bricks(scene.fields):
-            return False
-        fields = self.shown.coarse(scene.fields, (state.choice, state.time))
-        if fields is None:
-            return False
-        began = time.perf_counter()
-        drawn = coarse_scene(scene, fields, plain_light=self._plain_light)
-        small = max(16, size[0] // 2), max(16, size[1] // 2)
-        if self._previewer is None:
-            goals = dict.fromkeys(("max_error", "max_seconds"))
-            self._previewer = Renderer(**{**self.shown.renderer_options(), **goals, "effects": None})
-        with muted():
-            image = self._previewer.render(drawn, state.camera, size=small)
-        seconds = time.perf_counter() - began
-        # Volumes of light take long to make anew for each direction.
-        lit = bool(scene.options["shadows"]) or scene.options["ambient_occlusion"] is not None
-        self._plain_light = self._plain_light or (lit and seconds > _SLOW_LIGHT)
-        self._frame(image, state, 0, 1000.0 * seconds, preview=True)
-        return True
 
     def _rested(self, version: int) -> bool:
         """Wait for a moment; return whether no newer state came meanwhile."""
@@ -427,27 +436,47 @@ class Session:
         settings, client = self._renderer.settings, self.shown.client
         return draw_in_bricks(settings, scene, state.camera, size, (), progress, client=client)
 
-    def _framed(self, state: State, scene: Scene, size: tuple[int, int]) -> State:
-        """Return the state with the first camera fitted to the size of the page, while nobody has moved it."""
-        if state.camera is not self._first.camera or size == self._framed_for:
-            return state
-        camera = self.shown.camera(scene, size)
+    def _present(self) -> _Present:
+        """Return what is shown now; the caller holds the lock."""
+        unmoved = self._state.camera is self._first.camera
+        return _Present(self._state, self._size, unmoved, unmoved and self._size != self._framed_for)
+
+    def _framed(self, now: _Present) -> tuple[State, Scene]:
+        """Return the state with a camera that shows its data, and its scene.
+
+        The first camera follows the size of the page while nobody has moved it; other data are framed anew.
+        """
+        state, size = now.state, now.size
+        scene = compose.scene_of(self.shown, state)
+        if state.camera_of != state.choice:
+            camera = compose.other_camera(self.shown, state, scene, size, unmoved=now.unmoved)
+        elif now.refit:
+            camera = self.shown.camera(scene, size)
+        else:
+            return state, scene
+        framed = replace(state, camera=camera, camera_of=state.choice)
         with self._wake:
-            if self._state.camera is self._first.camera:
-                self._state = replace(self._state, camera=camera)
-            self._first, self._framed_for = replace(self._first, camera=camera), size
-        return replace(state, camera=camera)
+            if self._state.camera is state.camera and self._state.choice == state.choice:
+                self._state = replace(self._state, camera=camera, camera_of=state.choice)
+                if now.unmoved:
+                    self._first, self._framed_for = replace(self._first, camera=camera), size
+                if now.refit and state.camera_of == state.choice:
+                    self._history.reframe(state.camera, camera)
+        return framed, compose.scene_of(self.shown, framed)
 
     def _fail(self, error: Error, state: State, version: int) -> None:
         """Tell why a state cannot be shown, and go back to the last one that could be."""
-        self._tell(_error_message(str(error)))
         with self._wake:
-            if self._version != version or self._good == state:
-                return
-            self._state = self._good
-            self._version += 1
+            self._busy = False
+            back = self._version == version and self._good != state
+            if back:
+                self._history.drop(self._good)
+                self._state = self._good
+                self._version += 1
             clients = list(self._clients)
-        self._tell_state(clients)
+        self._tell(_error_message(str(error)))
+        if back:
+            self._tell_state(clients)
 
     def _frame(self, image: Image, state: State, version: int, milliseconds: float, *, preview: bool = False) -> None:
         stats = image.stats
@@ -465,13 +494,22 @@ class Session:
             "milliseconds": milliseconds,
             "error": None if preview else stats.get("estimated_rmse"),
             "camera": camera_parts(state.camera),
+            "choice": state.choice,
+            "time": state.time,
+            "bars": bars_of(image),
+            **self._history.steps,
         }
-        for client in self._pages():
-            client.show(message, payload)
         if last:
             self._image = image
-            if not self._superseded(version):
-                self._tell(about(image, self._costs))
+            with self._wake:
+                self._good = state
+                self._busy = self._busy and self._superseded(version)
+        with self._wake:
+            self._frame_sent = message, payload
+        for client in self._pages():
+            client.show(message, payload)
+        if last and not self._superseded(version):
+            self._tell(about(image, self._costs))
 
     def _behind(self, state: State) -> Triple:
         """Return the colour behind transparent pixels."""
@@ -503,6 +541,7 @@ class Session:
             "type": "state",
             "state": compose.state_parts(self.shown, state, scene),
             "data": compose.data_parts(self.shown, state, scene),
+            **self._history.steps,
         }
         for client in clients:
             client.send(message)
@@ -513,34 +552,33 @@ class Session:
         except Error as error:
             self._fail(error, self.state, self._version)
 
-    def _do_pick(self, client: Client, x: float, y: float) -> None:
-        client.send(picked(self._image, x, y))
+    def _tell_owed(self) -> None:
+        """Tell pages what is shown that wait for it."""
+        with self._wake:
+            owed = [key for key in self._jobs if key[0] == "state"] if self._version == self._drawn else []
+            clients = [self._jobs.pop(key)[1] for key in owed]
+        if clients:
+            with self._faults_told():
+                self._tell_state(clients)
+
+    def _do_pick(self, client: Client, x: float, y: float, purpose: str) -> None:
+        client.send(picked(self._image, x, y, purpose))
 
     def _do_look(self, client: Client, **parts: Any) -> None:
-        state = self.state
-        scene = compose.scene_of(self.shown, state)
-        changes: dict[str, Any] = {}
-        if parts.get("kind"):
-            changes["projection"] = parts["kind"]
-        if parts.get("direction"):
-            changes |= {"direction": parts["direction"], "azimuth": 0.0, "elevation": 0.0, "zoom": 1.0}
-        if parts.get("up"):
-            changes["up"] = parts["up"]
-        camera = self.shown.camera(scene, self.size, **changes)
+        camera = compose.camera_towards(self.shown, self.state, self.size, **parts)
         client.send({"type": "camera", "camera": camera_parts(camera)})
 
-    def _do_save(self, client: Client, width: int, height: int) -> None:
+    def _do_save(self, client: Client, width: int, height: int, *, shown: bool) -> None:
         image, size = self._image, (width, height)
         with self._wake:
             current = self._drawn == self._version
         if image is None or image.size != size or not current:
             image = self.picture(size, lambda _: not (client.gone or self._closed))
-        name = self._name()
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "picture.png"
-            image.save(path)
-            payload = path.read_bytes()
-        client.send({"type": "file", "name": f"{name}.png", "kind": "image/png"}, payload)
+        parts: dict[str, Any] = {"type": "file", "name": f"{self._name()}.png", "kind": "image/png"}
+        if shown:
+            # The page draws over it what it shows.
+            parts |= {"type": "picture", "bars": bars_of(image), "camera": camera_parts(image.camera)}
+        client.send(parts, image.to_png())
 
     def _name(self) -> str:
         """Return the name of files that are saved, without a suffix."""
@@ -565,37 +603,21 @@ class Session:
         stopped = False
         try:
             if what == "error":
-                self._measure_error(client, progress)
+                # Nothing where there is no picture yet.
+                if self._image is not None:
+                    client.send(*error_of(self._image, progress))
             else:
-                self._measure_effects(progress)
+                state = self.state
+                scene = compose.scene_of(self.shown, state)
+                told = measured_effects(self._renderer, scene, state.camera, self.size, progress)
+                self._costs = told["costs"]
+                self._tell(told)
         except Cancelled:
             stopped = True
         except Unsupported as error:
             client.send(_error_message(str(error)))
             stopped = True
         client.send({"type": "measured", "what": what, "stopped": stopped})
-
-    def _measure_error(self, client: Client, progress: Progress) -> None:
-        """Send the error of the picture that is shown, as a map; nothing where there is none yet."""
-        if self._image is None:
-            return
-        found = self._image.estimate_error(progress)
-        payload, largest = frames.error_map(found.map)
-        client.send({"type": "error_map", "rmse": found.rmse, "budget": found.budget, "largest": largest}, payload)
-
-    def _measure_effects(self, progress: Progress) -> None:
-        """Tell all pages what each effect costs, measured in a small picture."""
-        state = self.state
-        width, height = self.size
-        share = min(1.0, (_MEASURED / (width * height)) ** 0.5)
-        size = max(16, int(width * share)), max(16, int(height * share))
-        scene = compose.scene_of(self.shown, state)
-        if any_in_bricks(scene.fields):
-            found = "data in bricks, which are drawn elsewhere"
-            raise complain("effects cannot be measured", found, "data in memory", kind=Unsupported)
-        plan = self._renderer.measure_effects(scene, state.camera, size, repeats=1, progress=progress)
-        self._costs = {one.name: one.cost_ms for one in plan.effects}
-        self._tell({"type": "costs", "size": size, "picture": plan.picture_ms, "costs": self._costs})
 
 
 def _error_message(text: str) -> dict[str, Any]:

@@ -82,12 +82,14 @@ class Curves:
         Parameters
         ----------
         given
-            Any of: preset (name of a transfer function), cmap (name), range (two values to which colours and opacities
-            are stretched), colors (rows), opacity (rows), word (of opacities).
+            Any of, done in this order: preset (name of a transfer function), range (two values to which colours and
+            opacities are stretched), cmap (name), colors (rows), word (of opacities), opacity (rows).
         """
         made = self
         if "preset" in given:
             made = Curves.of(TransferFunction.preset(given["preset"]))
+        if "range" in given:
+            made = made.stretched(*color_limits(given["range"]))
         if "cmap" in given:
             rows, (low, high) = color_rows(_text("cmap", given["cmap"])), made.limits
             made = replace(made, colors=_spread(rows[:, :3], low, high), cmap=given["cmap"])
@@ -97,8 +99,6 @@ class Curves:
             made = replace(made, opacities=opacities_of(_text("word", given["word"]), *made.limits))
         if "opacity" in given:
             made = replace(made, opacities=_rows("opacity", given["opacity"], 2))
-        if "range" in given:
-            made = made.stretched(*color_limits(given["range"]))
         return made
 
     def stretched(self, low: float, high: float) -> Curves:
@@ -183,6 +183,18 @@ def _color(what: str, value: object) -> Triple:
     return triple(what, [min(max(part, 0.0), 1.0) for part in color(what, value)])
 
 
+def _shows(what: str, found: Mapping[str, bool]) -> Mapping[str, bool]:
+    if not found.keys() <= SHOWS.keys():
+        raise complain(unusable(what), shown(found), "only: " + ", ".join(SHOWS))
+    return {**SHOWS, **found}
+
+
+def _measures(what: str, found: tuple[tuple[Triple, ...], ...]) -> tuple[tuple[Triple, ...], ...]:
+    if not all(len(points) in (2, 3) for points in found):
+        raise complain(unusable(what), shown(found), "two points each, of a distance, or three, of an angle")
+    return found
+
+
 @dataclass(frozen=True)
 class Surface:
     """An isosurface: value, opacity, and its colour, or None for the automatic one."""
@@ -220,6 +232,8 @@ class State:
         The options of `render` of these names.
     choice, time
         Numbers of the data among those that the viewer was given.
+    camera_of
+        The choice whose data the camera was made for.
     changes
         What was changed of the scene that follows from data, mode and quality, by name; see `checked_changes`.
     curves
@@ -236,11 +250,12 @@ class State:
     changes: Mapping[str, Any] = field(default_factory=dict)
     curves: Mapping[int, Curves] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
+    camera_of: int = 0
 
     def changed(self, name: str, value: object) -> State:
         """Return the state with one thing changed. InvalidInput where the name is unknown or the value no use."""
         if name == "camera":
-            return replace(self, camera=_camera(value))
+            return replace(self, camera=_camera(value), camera_of=self.choice)
         if name in ("mode", "quality"):
             found = choice(f"view: {name}", value, MODES if name == "mode" else QUALITIES)
             return replace(self, mode=found) if name == "mode" else replace(self, quality=found)
@@ -258,6 +273,11 @@ class State:
         if name == "time":
             return replace(self, time=number_of)
         return self if number_of == self.choice else replace(self, choice=number_of, time=0, curves={})
+
+    @property
+    def drawn(self) -> State:
+        """The state without what the page draws over the picture: states that are the same so have one picture."""
+        return replace(self, changes={name: one for name, one in self.changes.items() if name not in OF_PAGES})
 
     def with_curves(self, group: int, curves: Curves | None) -> State:
         """Return the state with the curves of a group changed; None: as they were at first."""
@@ -284,6 +304,10 @@ def camera_parts(camera: Camera) -> dict[str, Any]:
 _COLOR, _OPEN_COLOR = Sequence[float] | str, Sequence[float] | str | None
 #: Options of `Scene` that a page changes as they are.
 OF_SCENES = ("scalar_colors", "lights", "material", "shadows", "ambient_occlusion", "gradient_opacity", "clip")
+#: What the page draws over the picture, and whether it does unless that was changed.
+SHOWS = {"box": False, "directions": True, "bars": True, "scale": False}
+#: Changes that are no part of the picture.
+OF_PAGES = ("shows", "measures")
 _CHANGES = {
     **{name: definitions(SceneOptions)[name] for name in OF_SCENES},
     "surfaces": Option("", name="surfaces", type=Sequence[Surface], check=_surfaces),
@@ -291,6 +315,8 @@ _CHANGES = {
     "background": Option("", name="background", type=_OPEN_COLOR, check=optional(_color)),
     # What the page shows behind transparent pixels; no part of the picture.
     "backdrop": Option("", name="backdrop", type=_COLOR, check=_color),
+    "shows": Option("", name="shows", type=Mapping[str, bool], check=_shows),
+    "measures": Option("", name="measures", type=Sequence[Sequence[tuple[float, float, float]]], check=_measures),
 }
 _SETTINGS = {name: definitions(RendererClassOptions)[name] for name in ("max_error", "max_seconds", "effects")}
 

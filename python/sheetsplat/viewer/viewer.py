@@ -73,6 +73,7 @@ class Viewer:
                 from sheetsplat.viewer.server import Server
 
                 self._server = Server(self._session, self._host, self._port)
+                self._session.expect()
             return self._server
 
     @property
@@ -82,6 +83,7 @@ class Viewer:
             from sheetsplat.viewer.widget import make_widget
 
             self._widget = make_widget(self._session)
+            self._session.expect()
         return self._widget
 
     @property

@@ -109,8 +109,8 @@ def test_what_pages_wait_for_is_bounded_and_goes_with_them(told) -> None:
     with session._wake:
         for number in range(10 * _MOST_JOBS):
             session.receive(page, {"type": "hello", "width": 32, "height": 24})
-            session.receive(page, {"type": "save", "width": 9 + number, "height": 9})
-            session.receive(page, {"type": "pick", "x": 0.5, "y": number})
+            session.receive(page, {"type": "save", "width": 9 + number, "height": 9, "shown": False})
+            session.receive(page, {"type": "pick", "x": 0.5, "y": number, "purpose": "tell"})
         assert len(session._jobs) <= _MOST_JOBS + 1 and len(session._idle_jobs) == 1
         session.disconnect(page)
         assert not session._jobs and not session._idle_jobs

@@ -27,10 +27,10 @@ def test_a_page_gets_offer_state_picture_and_plan(opened):
     assert told["state"]["mode"] == "composite" and len(told["state"]["looks"]) == 1
     assert sum(told["data"]["groups"][0]["counts"]) == 14**3
     about = page.wait("about")[0]
-    assert about["bars"][0]["low"] < about["bars"][0]["high"]
     names = [one["name"] for one in about["plan"]["effects"]]
     assert "opacity_correction" in names and all(one["why"] for one in about["plan"]["effects"])
     message, payload = page.wait("frame", last=True)
+    assert message["bars"][0]["low"] < message["bars"][0]["high"]
     exact = session.picture(SIZE)
     assert np.array_equal(picture_of(message, payload), frames.levels(exact, (0.0, 0.0, 0.0)))
 
@@ -272,13 +272,13 @@ def test_pick_save_view_code_and_measures(opened, tmp_path):
     session = opened(data)
     page = Page(session)
     page.wait("about")
-    page.say(type="pick", x=0.5, y=0.5)
+    page.say(type="pick", x=0.5, y=0.5, purpose="tell")
     picked = page.wait("picked")[0]
     expected = session.picture().pick(SIZE[0] / 2, SIZE[1] / 2)
     assert picked["value"] == expected.value and picked["position"] == list(expected.position)
-    page.say(type="pick", x=0.0, y=0.0)
+    page.say(type="pick", x=0.0, y=0.0, purpose="tell")
     page.wait("picked", value=None)
-    page.say(type="save", width=30, height=20)
+    page.say(type="save", width=30, height=20, shown=False)
     message, payload = page.wait("file")
     assert message["name"].endswith(".png")
     path = tmp_path / "x.png"

@@ -10,8 +10,7 @@ from PIL import Image as Pillow
 from viewer_pages import CHANGES, SIZE, Page, made_by, picture_of, volume
 
 import sheetsplat as ss
-from sheetsplat.viewer import coarse, frames
-from sheetsplat.viewer import session as session_module
+from sheetsplat.viewer import coarse, frames, previews
 from sheetsplat.viewer import state as state_module
 from sheetsplat.viewer.data import Shown
 
@@ -37,6 +36,18 @@ def test_steps_of_a_file_are_times(opened, tmp_path, engine):
         exec(session.code().replace('image.save("picture.png")', ""), space)
         image = session.picture()
         assert frames.levels(space["image"], (0, 0, 0)).tolist() == frames.levels(image, (0, 0, 0)).tolist(), mode
+
+
+def test_logarithms_of_all_times_are_above_one_number(opened):
+    values = 10.0 ** (6 * volume()[::2, ::2, ::2] / volume().max())
+    session = opened(times=[values, 100 * values], log=True)
+    first = session.scene().fields[0].quantity.floor
+    page = Page(session)
+    page.wait("about")
+    page.set(time=1)
+    assert session.scene().fields[0].quantity.floor == first
+    page.set(mode="xray")
+    assert session.scene().fields[0].quantity.floor is None
 
 
 def test_sums_along_rays_are_of_values_whose_logarithms_are_shown(opened):
@@ -103,7 +114,7 @@ def test_scenes_are_saved_and_viewed_again(opened, tmp_path):
 def test_large_volumes_are_coarse_while_the_view_moves(opened, monkeypatch):
     monkeypatch.setattr(coarse, "_MANY", 4000)
     monkeypatch.setattr(coarse, "_FEW", 1000)
-    monkeypatch.setattr(session_module, "_SLOW", 0.0)
+    monkeypatch.setattr(previews, "_SLOW", 0.0)
     session = opened(volume(n=24), shading=True)
     page = Page(session)
     page.wait("frame", last=True)
@@ -178,7 +189,7 @@ def test_data_in_bricks_are_coarse_at_once_and_whole_when_the_view_rests(opened,
     page.wait("frame", last=True)
     page.wait("about")
     assert sum(one["type"] == "frame" and one["last"] for one, _ in page.messages) == 1
-    page.say(type="pick", x=0.5, y=0.5)
+    page.say(type="pick", x=0.5, y=0.5, purpose="tell")
     assert (page.wait("picked")[0]["value"] is None) == (kind == "kernels")
     page.say(type="measure", what="effects")
     assert "data in bricks" in page.wait("error")[0]["text"]
@@ -186,7 +197,7 @@ def test_data_in_bricks_are_coarse_at_once_and_whole_when_the_view_rests(opened,
     page.set(mode="mip")
     page.wait("frame", last=True)
     assert session.picture().plan.slices > 0
-    page.set(shadows=True)
+    page.set(mode="composite", shadows=True, gradient_opacity=20.0)
     assert "shadows" in page.wait("error")[0]["text"]
 
 
@@ -210,3 +221,22 @@ def test_a_cluster_draws_what_a_viewer_shows(opened):
         page.say(type="film", width=32, height=24, what="turn", frames=2, fps=5, kind="gif")
         assert page.wait("file")[1][:3] == b"GIF"
         session.close()
+
+
+def test_the_page_lets_choose_among_the_arrays_of_a_file(opened, tmp_path):
+    rows = [f"{x},{y},{z},2,{x + y},{10 * z}" for x in range(4) for y in range(4) for z in range(4)]
+    path = tmp_path / "points.csv"
+    path.write_text("x,y,z,radius,density,heat\n" + "\n".join(rows) + "\n")
+    session = opened(path)
+    page = Page(session)
+    told = page.wait("state")[0]["data"]
+    assert told["title"] == "points.csv" and told["names"][0] == "density" and "heat" in told["names"]
+    page.wait("about")
+    camera = session.state.camera
+    page.set(choice=told["names"].index("heat"))
+    message, payload = page.wait("frame", last=True)
+    expected = ss.render(path, scalar="heat", camera=camera, size=SIZE, backend="cpu", threads=1)
+    assert np.array_equal(picture_of(message, payload), frames.levels(expected, (0.0, 0.0, 0.0)))
+    assert session.state.camera == camera and "scalar='heat'" in session.code().replace('"', "'")
+    assert message["bars"][0]["label"].startswith("heat")
+    assert not opened(path, scalar="heat").shown.names

@@ -8,10 +8,10 @@ const raised = (opacity) => Math.sqrt(Math.min(Math.max(opacity, 0), 1));
 
 /** Returns an element; `change` gets what the session takes as changes of a look. */
 function transferEditor(change) {
-  const canvas = h("canvas", { className: "editor", tabIndex: 0, title: "" });
-  canvas.setAttribute("aria-label", "Transfer function: opacity over the histogram, colours below");
+  const canvas = h("canvas", { className: "editor", tabIndex: 0, title: "", role: "application" });
+  canvas.setAttribute("aria-label", "Transfer function: opacity over the histogram, colours below. Arrow keys move a point, page keys choose one, Insert adds one, Delete removes it, Enter changes a colour.");
   const tip = h("div", { className: "editor-tip" });
-  const color = h("input", { type: "color", className: "hidden" });
+  const color = h("input", { type: "color", className: "hidden", tabIndex: -1, "aria-label": "Colour of the point" });
   const element = h("div", { className: "editor-box" }, canvas, tip, color);
   let look = null;
   let data = null;
@@ -213,14 +213,33 @@ function transferEditor(change) {
     chosen = near(event);
     remove();
   });
+  // Without a pointer the first point is the one to begin with.
+  canvas.addEventListener("focus", () => {
+    if (look && !chosen && canvas.matches(":focus-visible")) {
+      chosen = ["opacity", 0];
+      draw();
+    }
+  });
+  const order = () => ["opacity", "color"].flatMap((kind) => listOf(kind).map((_, n) => [kind, n]));
   canvas.addEventListener("keydown", (event) => {
-    if (!chosen || !look) return;
+    if (!chosen || !look || event.ctrlKey || event.metaKey) return;
     const [kind, n] = chosen;
     const list = listOf(kind);
     const step = (event.shiftKey ? 10 : 1) * 0.005;
     const moves = { ArrowLeft: [-step, 0], ArrowRight: [step, 0], ArrowUp: [0, step], ArrowDown: [0, -step] };
     if (event.key === "Delete" || event.key === "Backspace") remove();
-    else if (event.key === "Tab" && !event.shiftKey && n + 1 < list.length) chosen = [kind, n + 1];
+    else if (event.key === "PageDown" || event.key === "PageUp") {
+      const all = order();
+      const now = all.findIndex(([one, k]) => one === kind && k === n);
+      chosen = all[(now + (event.key === "PageDown" ? 1 : all.length - 1)) % all.length];
+      say(event);
+    } else if (event.key === "Insert" && n + 1 < list.length) {
+      const at = (list[n][0] + list[n + 1][0]) / 2;
+      insert(kind, kind === "color" ? [at, colorAt(at)] : [at, (list[n][1] + list[n + 1][1]) / 2]);
+    } else if (event.key === "Enter" && kind === "color") {
+      color.value = list[n][1];
+      color.click();
+    }
     else if (event.key in moves) {
       const [across, upwards] = moves[event.key];
       const low = n ? list[n - 1][0] : -Infinity;

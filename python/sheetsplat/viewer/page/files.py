@@ -6,7 +6,10 @@ from functools import cache
 from importlib import resources
 
 # In their order: each may use what those before it define.
-_PARTS = ("camera.js", "parts.js", "editor.js", "overlay.js", "panels.js", "viewer.js")
+_PARTS = (
+    *("camera.js", "parts.js", "saving.js", "editor.js", "measures.js", "overlay.js", "presets.js", "panels.js"),
+    *("keys.js", "viewer.js"),
+)
 _HTML, _JAVASCRIPT, _CSS = (f"text/{kind}; charset=utf-8" for kind in ("html", "javascript", "css"))
 
 

@@ -25,16 +25,68 @@ function overlay(change) {
     const { context, width, height } = fitted(element);
     handles = [];
     if (!view.camera || !view.data || !width) return;
+    const place = decorate(context, width, height);
+    if (view.clips) drawClip(context, place);
+    if (view.points) drawPoints(context, place, view.points, "#ffd24a");
+    if (view.aims) drawAim(context, width, height);
+  }
+
+  /** Draws what a saved picture has, too, and returns where points of the world are. */
+  function decorate(context, width, height) {
     // Shadows around letters and lines keep them readable on any picture.
     context.font = "11px system-ui, sans-serif";
     context.lineJoin = "round";
     const size = [width, height];
     const place = (point) => placeOf(view.camera, size, point);
     if (view.shows.box) drawBox(context, place);
-    if (view.clips) drawClip(context, place);
+    for (const points of view.measures) drawMeasure(context, place, points);
     if (view.shows.directions) drawDirections(context, height);
     if (view.shows.bars) drawBars(context, width, height);
     if (view.shows.scale && view.camera.kind === "orthographic") drawScale(context, width, height);
+    return place;
+  }
+
+  /** Draws over a picture of another size what is shown over this one, which has `width` CSS pixels. */
+  function paint(context, width, height, given) {
+    const kept = view;
+    view = given;
+    const scale = width / element.clientWidth;
+    context.save();
+    context.scale(scale, scale);
+    decorate(context, element.clientWidth, height / scale);
+    context.restore();
+    view = kept;
+  }
+
+  function drawPoints(context, place, points, color) {
+    for (const at of points.map(place)) {
+      if (!at) continue;
+      context.beginPath();
+      context.arc(at[0], at[1], 4, 0, 2 * Math.PI);
+      context.fillStyle = color;
+      context.fill();
+      context.lineWidth = 1.5;
+      context.strokeStyle = "rgba(0,0,0,0.8)";
+      context.stroke();
+    }
+  }
+
+  function drawMeasure(context, place, points) {
+    const places = points.map(place);
+    places.slice(1).forEach((at, n) => line(context, places[n], at, "#ffd24a", 1.5));
+    drawPoints(context, place, points, "#ffd24a");
+    if (places.some((at) => !at)) return;
+    const at = points.length === 2 ? [(places[0][0] + places[1][0]) / 2, (places[0][1] + places[1][1]) / 2] : places[1];
+    context.font = "600 13px system-ui, sans-serif";
+    write(context, measureText(points, view.data.length_unit), at[0] + 10, at[1] - 12, "left", "#ffd24a");
+    context.font = "11px system-ui, sans-serif";
+  }
+
+  function drawAim(context, width, height) {
+    const [x, y] = [width / 2, height / 2];
+    for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {
+      line(context, [x + 4 * dx, y + 4 * dy], [x + 12 * dx, y + 12 * dy], "#ffd24a", 1.5);
+    }
   }
 
   function line(context, from, to, color, wide = 1) {
@@ -250,5 +302,5 @@ function overlay(change) {
     };
   }
 
-  return { element, draw, hit, near: (point) => handles.some(({ at }) => Math.hypot(at[0] - point[0], at[1] - point[1]) < REACH), handles: () => handles.map(({ at }) => at) };
+  return { element, draw, paint, hit, near: (point) => handles.some(({ at }) => Math.hypot(at[0] - point[0], at[1] - point[1]) < REACH), handles: () => handles.map(({ at }) => at) };
 }

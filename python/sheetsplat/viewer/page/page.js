@@ -48,5 +48,5 @@ function socketLine(handlers) {
 const root = document.createElement("div");
 document.body.append(root);
 let dialled = null;
-window.sheetsplat = mount(root, (handlers) => (dialled = socketLine(handlers)));
+window.sheetsplat = mount(root, (handlers) => (dialled = socketLine(handlers)), document);
 window.sheetsplat.drop = () => dialled.drop();

@@ -31,13 +31,14 @@ function lookPanel(set, offered) {
     if (range.every(Number.isFinite) && range[0] < range[1]) change({ range });
   }
 
+  const unitNote = h("p", { className: "hint" }, "Presets are for Hounsfield units, which these data do not state.");
   const own = h("p", { className: "hint" },
     "Drag the points. Double-click adds one, right-click or Delete removes it. Double-click a colour to change it.");
   const function_ = h("div", {},
     row("Data", groups), editor,
-    row("Colours", maps), row("Opacity curve", words), row("Preset", presets), row("Range", ...ends),
+    row("Colours", maps), row("Opacity curve", words), row("Preset", presets), unitNote, row("Range", ...ends),
     h("div", { className: "buttons" }, button("Automatic", () => change({ automatic: true }), "Colours and opacities by the histogram")),
-    own);
+    ...presetRows(() => state.looks[group], change), own);
   const surfaces = h("div", {});
   const limits = ["Lowest number", "Highest number"].map((title) =>
     h("input", { type: "number", step: "any", className: "number", title, "aria-label": title, onchange: recolor }),
@@ -102,6 +103,7 @@ function lookPanel(set, offered) {
       maps.offer([...(look.cmap && names.includes(look.cmap) ? [] : [[look.cmap, look.cmap || "own colours"]]), ...names]);
       maps.show(look.cmap);
       words.offer([["", "choose …"], ...offered().words]);
+      unitNote.hidden = data.groups[group].unit === "HU";
       presets.offer([["", "choose …"], ...offered().presets]);
       look.range.forEach((value, n) => {
         if (document.activeElement !== ends[n]) ends[n].value = Number(value.toPrecision(6));
@@ -126,7 +128,8 @@ function lookPanel(set, offered) {
 
 /** A pad that shows a ball and where its light comes from. */
 function lightPad(change) {
-  const canvas = h("canvas", { className: "pad", title: "Drag to turn the light", tabIndex: 0 });
+  const canvas = h("canvas", { className: "pad", title: "Drag to turn the light", tabIndex: 0, role: "application" });
+  canvas.setAttribute("aria-label", "Direction of the light; arrow keys turn it");
   let direction = [0, 0, 1];
   function draw() {
     const { context, width } = fitted(canvas);
@@ -159,6 +162,16 @@ function lightPad(change) {
     change(direction);
   }
   dragging(canvas, { start: (event) => { point(event); return true; }, move: point });
+  canvas.addEventListener("keydown", (event) => {
+    const [across, upwards] = ARROWS[event.key] || [0, 0];
+    if (!across && !upwards) return;
+    event.preventDefault();
+    event.stopPropagation();
+    const turned = rotated(rotated(unit(direction), [0, 1, 0], 0.1 * across), [1, 0, 0], -0.1 * upwards);
+    direction = turned.map((part) => Number(part.toFixed(4)));
+    draw();
+    change(direction);
+  });
   new ResizeObserver(draw).observe(canvas);
   canvas.show = (given) => {
     direction = given;
@@ -374,7 +387,7 @@ function planPanel(set, send) {
     if (!plan) return;
     rows.replaceChildren(...plan.rows.map(([name, text]) => h("tr", {}, h("td", {}, name), h("td", {}, text))));
     const wanted = plan.effects.filter((one) => one.on || one.forced || !only.firstChild.checked);
-    const head = h("tr", {}, ...["Effect", "", "ms", "Error"].map((text) => h("th", {}, text)));
+    const head = h("tr", {}, ...["Effect", "State", "ms", "Error"].map((text) => h("th", {}, text)));
     table.replaceChildren(head, ...wanted.flatMap((one) => {
       const ways = choice([["", one.on && !one.forced ? "on" : one.on ? "auto" : one.forced ? "auto" : "off"], ["on", "force on"], ["off", "force off"]], (value) => {
         const effects = { ...forced };

@@ -1,5 +1,8 @@
 // Elements of the page: small functions that return an element, with a method `show` that sets what it shows.
 
+/** What arrow keys mean: to the right, upwards. */
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+
 /** Makes an element. Attributes that begin with "on" are listeners; texts are never read as HTML. */
 function h(tag, attributes = {}, ...children) {
   const element = document.createElement(tag);
@@ -78,7 +81,9 @@ function choice(options, change, title = "") {
 }
 
 function button(text, action, title = text) {
-  return h("button", { type: "button", title, "aria-label": title, onclick: action }, text);
+  // What people see is what it is called; signs have no name of their own.
+  const name = /[a-z]{2}/i.test(text) ? {} : { "aria-label": title };
+  return h("button", { type: "button", title, ...name, onclick: action }, text);
 }
 
 function colorField(change, title = "Colour") {

@@ -5,30 +5,46 @@ const SETTLED = 120;
 const FLIGHT = 280;
 const MOST_PIXELS = 2600 * 1600;
 
+// A picture that lets one wait longer says that it is being drawn.
+const IMPATIENT = 400;
+// How long the camera that hands moved counts more than those of pictures that were drawn before.
+const OWN = 2000;
+// A press that moved fewer pixels is a click.
+const STILL = 4;
+
+/** Whether two cameras are the same, as far as they have the same numbers. */
+function sameCamera(a, b) {
+  const numbers = (one) => [...one.eye, ...one.target, one.height ?? one.fov_y];
+  return a.kind === b.kind && numbers(a).every((number, n) => number === numbers(b)[n]) && dot(unit(axesOf(a).up), unit(axesOf(b).up)) > 1 - 1e-9;
+}
+
 /**
  * Shows a session within an element. `connect(handlers)` returns {send(message), close()}; it calls handlers.open(),
- * handlers.message(message, bytes) and handlers.lost(text). Returns what tests and widgets need.
+ * handlers.message(message, bytes) and handlers.lost(text). `keys`: whose keys are listened to. Returns what tests and
+ * widgets need.
  */
-function mount(root, connect) {
+function mount(root, connect, keys = root) {
   let offered = { modes: [], colormaps: {}, words: [], presets: [] };
   let state = null;
   let data = null;
+  let seen = null; // The data that the picture shows.
   let camera = null; // The one that hands move; the picture's own may be older.
-  let drawn = { number: 0, camera: null, size: [1, 1] };
+  let own = 0; // When hands moved it, until a picture shows it.
+  let drawn = { number: 0, camera: null, size: [1, 1], bars: [] };
   let pending = {};
   let moving = false;
   let flight = 0;
-  let about = { bars: [], plan: null };
+  let about = { plan: null };
   let lastError = "";
   const counts = { frames: 0, dropped: 0, stale: 0, errors: 0 };
-  const shows = { box: false, directions: true, bars: true, scale: false };
 
   // What hands change goes out once a frame of the screen, the newest of each kind.
-  const flush = perFrame(() => {
+  function sendPending() {
     if (!Object.keys(pending).length) return;
     line.send({ type: "set", changes: pending });
     pending = {};
-  });
+  }
+  const flush = perFrame(sendPending);
   function set(changes) {
     if (!state) return;
     for (const [name, value] of Object.entries(changes)) {
@@ -36,13 +52,22 @@ function mount(root, connect) {
       if (name in state && name !== "look") state[name] = value;
     }
     forgetError();
+    hint.classList.remove("shown");
     flush();
   }
   const send = (message) => line.send(message);
 
   function setCamera(given) {
     camera = given;
+    own = performance.now();
     set({ camera });
+  }
+  function undo(again) {
+    sendPending();
+    own = 0;
+    cancelAnimationFrame(flight);
+    flight = 0;
+    send({ type: again ? "redo" : "undo" });
   }
 
   const picture = h("canvas", { className: "picture" });
@@ -55,7 +80,8 @@ function mount(root, connect) {
   });
   const notices = h("div", { className: "notices", role: "status" });
   const hint = h("div", { className: "tip" });
-  const stage = h("div", { className: "stage", tabIndex: 0 }, picture, errors, over.element, hint, notices);
+  const sign = h("div", { className: "sign", role: "status" }, h("span", { className: "wheel" }), h("span", {}, "Drawing …"));
+  const stage = h("div", { className: "stage", tabIndex: 0, role: "application" }, picture, errors, over.element, hint, sign, notices);
   stage.setAttribute("aria-label", "Picture. Arrow keys turn it, plus and minus enlarge it, question mark lists all keys.");
 
   const panels = {
@@ -63,15 +89,21 @@ function mount(root, connect) {
     light: lightPanel(set),
     clip: clipPanel(set, () => camera),
     quality: qualityPanel(set, send),
+    measure: measurePanel(set, () => redraw()),
     plan: planPanel(set, send),
   };
+  // What is over a picture with a camera and bars.
+  const decoration = ({ camera: of, bars }) => ({ camera: of, data: seen || data, bars, shows: state && state.shows, measures: state ? state.measures : [] });
   const redraw = perFrame(() => {
-    over.draw({ camera: drawn.camera, data, bars: about.bars, shows, clip: state && state.clip, clips: panels.clip.element.open && state });
+    if (!state) return;
+    const { kind, points } = panels.measure;
+    over.draw({ ...decoration(drawn), clip: state.clip, clips: panels.clip.element.open, points, aims: kind !== null });
+    stage.classList.toggle("aims", kind !== null);
   });
   panels.clip.element.addEventListener("shown", redraw);
   panels.plan.element.addEventListener("toggle", () => panels.plan.draw());
 
-  const title = h("span", { className: "title" }, "sheetsplat");
+  const title = h("span", { className: "title", role: "heading", "aria-level": "1" }, "sheetsplat");
   const modes = choice([], (mode) => set({ mode }), "How slices become pixels");
   const qualities = choice([["draft", "Draft"], ["good", "Good"], ["best", "Best"]], (quality) => set({ quality }), "Quality");
   const names = choice([], (value) => set({ choice: Number(value) }), "Data");
@@ -82,8 +114,12 @@ function mount(root, connect) {
     button("Reset", () => send({ type: "reset" }), "The first view [R]"));
   const kinds = button("Perspective", () => camera && fly(projectedAs(camera, camera.kind === "perspective" ? "orthographic" : "perspective")), "Perspective or parallel projection [P]");
   const theme = button("◐", () => setTheme(root.dataset.theme === "light" ? "dark" : "light"), "Light or dark");
+  const backwards = button("↶", () => undo(false), "Undo [Ctrl+Z]");
+  const forwards = button("↷", () => undo(true), "Redo [Ctrl+Y]");
   const bar = h("header", {}, title, names, modes, qualities, views, kinds, h("span", { className: "space" }),
-    button("⤓ Picture", () => save(), "Save the picture as PNG, which says how it was made [S]"),
+    backwards, forwards,
+    button("⤓ As shown", () => save(true), "Save what is seen as PNG: background, bar, directions, scales [S]"),
+    button("⤓ Picture", () => save(false), "Save the picture alone as PNG, which says how it was made [Shift+S]"),
     button("⤓ Film", () => film.ask(), "Save a film: a turn, or the times"),
     button("⤓ Scene", () => send({ type: "scene" }), "Save a scene file: sheetsplat render makes the picture of it, sheetsplat view goes on"),
     button("Python", () => send({ type: "code" }), "Python that makes this picture"),
@@ -97,14 +133,14 @@ function mount(root, connect) {
   const backColor = colorField((value) => set({ background: value }), "Background of the picture");
   const behind = colorField((value) => set({ backdrop: value }), "Shown behind what is transparent; not part of the picture");
   const toggles = [["box", "Box with scales"], ["directions", "Directions"], ["bars", "Colour bar"], ["scale", "Scale bar (parallel projection)"]].map(([name, label]) => {
-    const box = checkbox(label, (on) => { shows[name] = on; redraw(); });
-    box.show(shows[name]);
+    const box = checkbox(label, (on) => { set({ shows: { ...state.shows, [name]: on } }); redraw(); });
+    box.of = name;
     return box;
   });
   const roll = h("div", { className: "buttons" }, button("⟲ 90°", () => fly(rolled(camera, Math.PI / 2)), "Turn the picture left"), button("⟳ 90°", () => fly(rolled(camera, -Math.PI / 2)), "Turn the picture right"));
   const viewPanel = section("View", false, ...toggles, row("Turn", roll), row("Background", back, backColor), row("Behind it", behind));
-  const reset = button("Undo all changes", () => set({ automatic: true }), "The look that follows from the data");
-  const side = h("aside", {}, panels.look.element, panels.light.element, panels.clip.element, viewPanel, panels.quality.element, panels.plan.element, h("div", { className: "buttons" }, reset));
+  const reset = button("As at first", () => set({ automatic: true }), "The look that follows from the data");
+  const side = h("aside", {}, panels.look.element, panels.light.element, panels.clip.element, viewPanel, panels.measure.element, panels.quality.element, panels.plan.element, h("div", { className: "buttons" }, reset));
 
   const hover = h("span", { className: "hover" });
   const numbers = h("span", { className: "numbers" });
@@ -163,6 +199,23 @@ function mount(root, connect) {
 
   // Frames.
 
+  let drawing = true;
+  let impatient = 0;
+  function showSign() {
+    clearTimeout(impatient);
+    stage.setAttribute("aria-busy", String(drawing));
+    progress.classList.toggle("busy", drawing);
+    sign.hidden = Boolean(drawn.number) || !drawing;
+    if (drawing && drawn.number) impatient = setTimeout(() => { sign.hidden = false; }, IMPATIENT);
+  }
+  function see() {
+    if (state && drawn.choice === state.choice && drawn.time === state.time) seen = data;
+  }
+  function showSteps(message) {
+    backwards.disabled = !message.undo;
+    forwards.disabled = !message.redo;
+  }
+
   async function showFrame(message, bytes) {
     counts.frames += 1;
     if (message.number <= drawn.number) {
@@ -176,15 +229,22 @@ function mount(root, connect) {
       [picture.width, picture.height] = message.size;
       picture.getContext("2d").drawImage(image, 0, 0);
       drawn = message;
-      if (!moving && !flight) camera = message.camera;
+      see();
+      if (camera && sameCamera(camera, message.camera)) own = 0;
+      if (!camera || (!moving && !flight && (!own || performance.now() - own > OWN))) camera = message.camera;
       kinds.textContent = camera.kind === "perspective" ? "Parallel" : "Perspective";
       const of = message.last ? "" : message.stage ? `stage ${message.stage} of ${message.stages} · ` : "preview · ";
       const error = message.error === null || (message.last && message.error < 1e-4) ? "" : `error about ${shortNumber(message.error)} · `;
-      progress.classList.toggle("busy", !message.last);
+      drawing = !message.last;
+      showSign();
+      showSteps(message);
       numbers.textContent = `${of}${error}${message.size.join(" × ")} · ${Math.round(message.milliseconds)} ms`;
       forgetError();
       redraw();
-      if (message.last) nextTime();
+      if (message.last) {
+        ask();
+        nextTime();
+      }
     } else counts.stale += 1;
     image.close();
     send({ type: "drawn", number: message.number });
@@ -207,6 +267,7 @@ function mount(root, connect) {
     state(message) {
       state = message.state;
       data = message.data;
+      see();
       if (!camera) camera = state.camera;
       title.textContent = title.title = data.title;
       modes.show(state.mode);
@@ -225,7 +286,13 @@ function mount(root, connect) {
       behind.show(state.backdrop);
       stage.style.background = state.background || state.backdrop;
       for (const panel of Object.values(panels)) panel.show(state, data);
+      for (const box of toggles) box.show(state.shows[box.of]);
+      showSteps(message);
       redraw();
+    },
+    drawing() {
+      drawing = true;
+      showSign();
     },
     frame: showFrame,
     about(message) {
@@ -238,8 +305,20 @@ function mount(root, connect) {
       fly(message.camera);
     },
     picked(message) {
+      if (message.purpose !== "tell") {
+        if (message.value === null) say("There is nothing there");
+        else if (message.purpose === "measure") panels.measure.add(message.position);
+        else {
+          const by = subtract(message.position, camera.target);
+          fly({ ...camera, eye: add(camera.eye, by), target: message.position });
+        }
+        return;
+      }
+      // The pointer may have gone on.
+      if (!pointer || moving || message.x !== pointer[0] || message.y !== pointer[1]) return;
       if (message.value === null) {
         hover.textContent = "";
+        hint.classList.remove("shown");
         return;
       }
       const place = message.position.map(shortNumber).join(", ");
@@ -250,11 +329,11 @@ function mount(root, connect) {
       hint.textContent = shortNumber(message.value);
       hint.classList.add("shown");
     },
-    file(message, bytes) {
-      const link = h("a", { href: URL.createObjectURL(new Blob([bytes], { type: message.kind })), download: message.name });
-      link.click();
-      setTimeout(() => URL.revokeObjectURL(link.href), 10000);
-      say(`Saved ${message.name}`);
+    file: (message, bytes) => keep(message.name, new Blob([bytes], { type: message.kind })),
+    async picture(message, bytes) {
+      const shown = decoration(message);
+      const paint = (context, width, height) => over.paint(context, width, height, shown);
+      keep(message.name, await composed(bytes, state.background || state.backdrop, paint));
     },
     code(message) {
       const text = h("pre", {}, message.text);
@@ -288,6 +367,8 @@ function mount(root, connect) {
     },
     error(message) {
       counts.errors += 1;
+      drawing = false;
+      showSign();
       say(message.text, "error");
     },
     closed() {
@@ -298,6 +379,13 @@ function mount(root, connect) {
   root.addEventListener("errormap", (event) => {
     errors.hidden = !event.detail;
   });
+
+  function keep(name, blob) {
+    const link = h("a", { href: URL.createObjectURL(blob), download: name });
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+    say(`Saved ${name}`);
+  }
 
   function say(text, kind = "info") {
     const known = [...notices.children].find((one) => one.dataset.text === text);
@@ -315,28 +403,14 @@ function mount(root, connect) {
   }
 
   function help() {
-    const keys = [
-      ["Drag, one finger, arrow keys", "turn"],
-      ["Right or middle drag, Shift and drag, two fingers, Shift and arrows", "move"],
-      ["Wheel, two fingers, + and −", "enlarge"],
-      ["Ctrl and drag, twist of two fingers, Q and E", "roll"],
-      ["Double-click", "turn about what is there"],
-      ["R", "first view"],
-      ["X, Y, Z; with Shift from the other side", "look along an axis"],
-      ["P", "perspective or parallel projection"],
-      [`1 … ${offered.modes.length}`, "mode"],
-      ["B", "box with scales"],
-      ["S", "save the picture"],
-      ["Space", "play"],
-    ];
-    open("Keys and gestures", h("table", { className: "settings" }, ...keys.map(([key, what]) => h("tr", {}, h("td", {}, key), h("td", {}, what)))));
+    open("Keys and gestures", h("table", { className: "settings" }, ...keyTable(offered.modes.length).map(([key, what]) => h("tr", {}, h("td", {}, key), h("td", {}, what)))));
   }
 
   function sizeOfPicture() {
     const [width, height] = drawn.camera ? drawn.size : sizeNow();
     return { width, height };
   }
-  const save = () => send({ type: "save", ...sizeOfPicture() });
+  const save = (shown) => send({ type: "save", ...sizeOfPicture(), shown });
 
   /** Goes to a camera on a short way, so that one sees where. */
   function fly(goal) {
@@ -364,6 +438,7 @@ function mount(root, connect) {
     return [event.clientX - box.left, event.clientY - box.top];
   };
   let grip = null;
+  let pressed = null; // Where a click began, while it may be one.
   stage.addEventListener("contextmenu", (event) => event.preventDefault());
   stage.addEventListener("pointerdown", (event) => {
     if (!camera || event.target.closest(".notices")) return;
@@ -376,6 +451,7 @@ function mount(root, connect) {
     moving = true;
     hint.classList.remove("shown");
     grip = fingers.size === 1 && event.button === 0 ? over.hit(point) : null;
+    pressed = fingers.size === 1 && event.button === 0 && !grip ? point : null;
   });
   stage.addEventListener("pointermove", (event) => {
     const before = fingers.get(event.pointerId);
@@ -388,6 +464,8 @@ function mount(root, connect) {
       grip.move(point);
       return;
     }
+    if (pressed && panels.measure.kind && Math.hypot(point[0] - pressed[0], point[1] - pressed[1]) < STILL) return;
+    pressed = null;
     const [dx, dy] = [point[0] - before[0], point[1] - before[1]];
     const high = stage.clientHeight;
     if (fingers.size === 1) {
@@ -414,12 +492,16 @@ function mount(root, connect) {
     if (grip) grip.end();
     grip = null;
     moving = false;
+    if (pressed && panels.measure.kind) send({ type: "pick", ...shareOf(pressed), purpose: "measure" });
+    pressed = null;
+    pointAt(pointOf(event));
   };
   stage.addEventListener("pointerup", released);
   stage.addEventListener("pointercancel", released);
   stage.addEventListener("pointerleave", () => {
     hint.classList.remove("shown");
     hover.textContent = "";
+    pointer = null;
   });
   stage.addEventListener("wheel", (event) => {
     if (!camera) return;
@@ -430,56 +512,56 @@ function mount(root, connect) {
     const by = Math.min(Math.max(-event.deltaY * lines, -240), 240);
     setCamera(zoomed(camera, Math.exp(by * 0.0016), (x - stage.clientWidth / 2) / high, (high / 2 - y) / high));
   }, { passive: false });
-  let centring = false;
+  const shareOf = ([x, y]) => ({ x: x / stage.clientWidth, y: y / stage.clientHeight });
+  const centre = (point) => send({ type: "pick", ...shareOf(point), purpose: "centre" });
   stage.addEventListener("dblclick", (event) => {
-    const [x, y] = pointOf(event);
-    centring = true;
-    send({ type: "pick", x: x / stage.clientWidth, y: y / stage.clientHeight });
+    if (!panels.measure.kind) centre(pointOf(event));
   });
-  const picked = takes.picked;
-  takes.picked = (message) => {
-    picked(message);
-    if (!centring) return;
-    centring = false;
-    if (message.value === null) return;
-    const by = subtract(message.position, camera.target);
-    fly({ ...camera, eye: add(camera.eye, by), target: message.position });
-  };
 
+  let pointer = null; // Where it rests, in shares of the picture.
   let pointed = 0;
+  /** Asks what is under the pointer; the session answers when the picture is complete. */
+  function ask() {
+    if (pointer && !moving) send({ type: "pick", x: pointer[0], y: pointer[1], purpose: "tell" });
+  }
   function pointAt(point) {
+    const { x, y } = shareOf(point);
+    pointer = [x, y];
     stage.style.cursor = over.near(point) ? "grab" : "";
     hint.style.left = `${Math.min(point[0] + 14, stage.clientWidth - 60)}px`;
     hint.style.top = `${point[1] + 14}px`;
     clearTimeout(pointed);
     hint.classList.remove("shown");
-    pointed = setTimeout(() => {
-      if (drawn.last) send({ type: "pick", x: point[0] / stage.clientWidth, y: point[1] / stage.clientHeight });
-    }, 60);
+    pointed = setTimeout(ask, 60);
   }
 
-  const turn = Math.PI / 24;
-  const held = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
-  stage.addEventListener("keydown", (event) => {
-    if (!camera || event.ctrlKey || event.metaKey || event.altKey) return;
-    const axis = { x: 0, y: 1, z: 2 }[event.key.toLowerCase()];
-    const key = event.key.toLowerCase();
-    if (event.key in held) {
-      const [across, upwards] = held[event.key];
-      setCamera(event.shiftKey ? panned(camera, -across * 0.05, upwards * 0.05) : orbited(camera, -across * turn, upwards * turn));
-    } else if (key === "+" || key === "=") setCamera(zoomed(camera, 1.15));
-    else if (key === "-" || key === "_") setCamera(zoomed(camera, 1 / 1.15));
-    else if (key === "q" || key === "e") setCamera(rolled(camera, key === "q" ? turn : -turn));
-    else if (key === "r") send({ type: "reset" });
-    else if (axis !== undefined) lookFrom([0, 1, 2].map((n) => (n === axis ? (event.shiftKey ? 1 : -1) : 0)));
-    else if (key === "p") kinds.click();
-    else if (key === "s") save();
-    else if (key === "b") toggles[0].firstChild.click();
-    else if (key === "?" || key === "h") help();
-    else if (key === " ") play.click();
-    else if (key >= "1" && key <= "9" && offered.modes[key - 1]) set({ mode: offered.modes[key - 1][0] });
-    else return;
-    event.preventDefault();
+  const forgetKeys = listenToKeys(keys, root, {
+    camera: () => camera,
+    setCamera,
+    lookFrom,
+    undo,
+    mode: (n) => offered.modes[n] && set({ mode: offered.modes[n][0] }),
+    keys: {
+      r: () => send({ type: "reset" }),
+      p: () => kinds.click(),
+      s: (alone) => save(!alone),
+      b: () => toggles[0].firstChild.click(),
+      d: () => panels.measure.take("distance"),
+      a: () => panels.measure.take("angle"),
+      escape: () => panels.measure.take(null),
+      enter: () => {
+        const middle = [stage.clientWidth / 2, stage.clientHeight / 2];
+        if (panels.measure.kind) send({ type: "pick", ...shareOf(middle), purpose: "measure" });
+        else centre(middle);
+      },
+      "?": () => help(),
+      h: () => help(),
+      " ": () => play.click(),
+    },
+  });
+  // In a notebook keys belong to the cells until the focus is here.
+  stage.addEventListener("pointerenter", () => {
+    if (document.activeElement === document.body) stage.focus({ preventScroll: true });
   });
 
   // The line to the session.
@@ -490,6 +572,8 @@ function mount(root, connect) {
       film.show(null);
       // Numbers of frames begin anew where the session did.
       drawn = { ...drawn, number: 0 };
+      drawing = true;
+      showSign();
       asked = sizeNow();
       send({ type: "hello", width: asked[0], height: asked[1] });
     },
@@ -513,6 +597,7 @@ function mount(root, connect) {
   return {
     close() {
       observer.disconnect();
+      forgetKeys();
       line.close();
     },
     // For tests: what is shown now.

@@ -94,7 +94,7 @@ def test_volumes_of_colours():
     rgba = ss.render(opaque, size=20, shading=False, backend="cpu").rgba
     full = rgba[rgba[..., 3] > 0.99]
     assert len(full) > 20 and np.allclose(full[:, :3] / full[:, 3:], (0.9, 0.1, 0.4), atol=1e-2)
-    assert ss.render(opaque, mode="mip", size=20).scalar.max() == pytest.approx(1.0, rel=1e-3)
+    assert np.nanmax(ss.render(opaque, mode="mip", size=20).scalar) == pytest.approx(1.0, rel=0.02)
 
 
 def test_what_render_takes(tmp_path):

@@ -71,9 +71,9 @@ def split_colors(values: Any) -> tuple[Any, NDArray[Any] | None]:
     if outside:
         raise complain(
             "RegularField: colours cannot be used",
-            f"{values.shape[-1]} components of type {values.dtype}, from {values.min():g} to {values.max():g}",
-            "red, green, blue and if wanted opacity: uint8, uint16, or numbers from 0 to 1",
-            "choose one component, values[..., 0], or divide by the largest",
+            f"{values.shape[-1]} components, {values.dtype}, from {values.min():g} to {values.max():g}",
+            "uint8, uint16, or numbers from 0 to 1",
+            "choose one component, values[..., 0], or scale them",
         )
     _memory.require(4 * values[..., 0].size * 2, "the opacities of colours")
     full = float(np.iinfo(values.dtype).max) if integers else 1.0

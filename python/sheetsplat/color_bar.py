@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from sheetsplat._matplotlib import module_of
 from sheetsplat.describe.recipe import FieldRecipe
+from sheetsplat.labels import LabelColors
 from sheetsplat.modes import TRAITS
 from sheetsplat.options.scene import surfaces_of
 from sheetsplat.quantity import Quantity
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from sheetsplat.image import Image
 
 _COLORS = 256
+# Names beside the legend of labels.
+_MOST_NAMES = 40
 #: The unit of lengths that have none.
 WORLD = "world units"
 # The data's least value begins a bar where its colours then still have a fifth of it.
@@ -50,6 +53,8 @@ class ColorBar:
         Values of surfaces.
     opacities
         Opacity of each colour as a share of the largest one, float64 (256,); None where colours have none.
+    names
+        Of labels the place of each on the bar and what it is called, in place of numbers.
     """
 
     colors: NDArray[np.float64]
@@ -59,6 +64,7 @@ class ColorBar:
     label: str
     marks: tuple[float, ...] = ()
     opacities: NDArray[np.float64] | None = None
+    names: tuple[tuple[float, str], ...] = ()
 
 
 def color_bars(image: Image) -> list[ColorBar]:
@@ -67,9 +73,18 @@ def color_bars(image: Image) -> list[ColorBar]:
         return [_bar_of_numbers(image)]
     surfaces = surfaces_of(image.recipe.options["iso_value"]) if TRAITS[image.mode].shows_surfaces else ()
     recipe, first, bars = image.recipe, 0, []
-    for function, count in zip(recipe.transfer_functions, recipe.groups, strict=True):
+    giver = sum(recipe.groups)
+    colors = recipe.colors or (None,) * len(recipe.groups)
+    for function, count, coloring in zip(recipe.transfer_functions, recipe.groups, colors, strict=True):
         quantity = common_quantity(recipe.fields[first : first + count])
-        bar = _bar_of(function, quantity, surfaces, has_opacity=TRAITS[image.mode].is_composited)
+        if isinstance(function, LabelColors):
+            bar = _bar_of_labels(function, quantity)
+        elif coloring is not None:
+            quantity = common_quantity(recipe.fields[giver : giver + coloring[0]])
+            giver += coloring[0]
+            bar = _bar_of(coloring[1], quantity, (), has_opacity=False)
+        else:
+            bar = _bar_of(function, quantity, surfaces, has_opacity=TRAITS[image.mode].is_composited)
         fields = " and ".join(map(str, range(first, first + count)))
         bars.append((bar, f"{bar.label} of field{'s' * (count > 1)} {fields}"))
         first += count
@@ -96,6 +111,16 @@ def _bar_of_numbers(image: Image) -> ColorBar:
     if quantity.floor is not None and not colors.log:
         return ColorBar(table, quantity.scalar(low), quantity.scalar(high), True, label)
     return ColorBar(table, low, high, colors.log, label)
+
+
+def _bar_of_labels(function: LabelColors, quantity: Quantity) -> ColorBar:
+    """Return the legend of labels: as many equal parts as there are, the first one at the top."""
+    rows = list(function.colors.items())[::-1] or [(0, (0.0, 0.0, 0.0, 0.0))]
+    part = np.arange(_COLORS) * len(rows) // _COLORS
+    table = np.array([[*rgba[:3], 1.0] for _, rgba in rows])[part]
+    step = -(-len(rows) // _MOST_NAMES)
+    names = tuple((n + 0.5, function.name_of(label)) for n, (label, _) in enumerate(rows) if n % step == 0)
+    return ColorBar(table, 0.0, float(len(rows)), False, quantity.name or "labels", names=names)
 
 
 def _bar_of(
@@ -139,7 +164,11 @@ def draw_bar(picture: Any, bar: ColorBar, *, into: Any = None, most: int = 9) ->
     made = picture.figure.colorbar(mappable, ax=None if into else picture, cax=into)
     if into is None:
         made.ax.set_axes_locator(partial(_beside, picture))
-    _set_numbers(made, bar, most)
+    if bar.names:
+        made.set_ticks([place for place, _ in bar.names], labels=[name for _, name in bar.names])
+        made.ax.tick_params(length=0.0)
+    else:
+        _set_numbers(made, bar, most)
     if bar.opacities is not None:
         _draw_opacities(made.ax, bar, bar.opacities)
     for value in bar.marks:

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from sheetsplat.color_bar import color_bars
 from sheetsplat.errors import Unsupported
 from sheetsplat.image import Image
@@ -21,10 +24,17 @@ def bars_of(image: Image) -> list[dict[str, Any]]:
             "high": bar.high,
             "log": bar.log,
             "marks": bar.marks,
-            "colors": [hexadecimal(row) for row in bar.colors[::8]],
+            "names": bar.names,
+            # Of labels one each.
+            "colors": [hexadecimal(row) for row in bar.colors[_places(int(bar.high) if bar.names else 32)]],
         }
         for bar in color_bars(image)
     ]
+
+
+def _places(count: int) -> NDArray[np.int64]:
+    """Return so many places in a table of 256 colours, each in the middle of its part."""
+    return np.asarray((np.arange(count) + 0.5) * 256 / count, dtype=np.int64)
 
 
 def about(image: Image, costs: Mapping[str, float | None]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import sheetsplat as ss
+from sheetsplat.color_bar import color_bars
 from sheetsplat.describe.recipe import Recipe
 from sheetsplat.fields.labelled import look_like_labels
 
@@ -287,3 +288,18 @@ def test_pictures_say_how_they_were_made(tmp_path):
         text = recipe.to_json().replace('{"1":[1.0,0.0,0.0,1.0],"2":[0.0,1.0,0.0,0.5],"3":[0.0,0.0,1.0,1.0]}', wrong)
         with pytest.raises(ss.InvalidInput, match="transfer_functions"):
             Recipe.from_json(text)
+
+
+def test_figures_have_a_legend_of_labels():
+    colors = ss.LabelColors({1: "tomato", 2: "seagreen", 3: "royalblue"}, names={1: "left lung", 2: "heart"})
+    image = ss.render(ss.RegularField(things(), labels=True), transfer_function=colors, size=60)
+    (bar,) = color_bars(image)
+    assert [name for _, name in bar.names] == ["label 3", "heart", "left lung"]
+    for (place, _), label in zip(bar.names, (3, 2, 1), strict=True):
+        assert np.allclose(bar.colors[int(place / bar.high * 256), :3], colors.colors[label][:3])
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed")
+    texts = [one.get_text() for one in image.to_axes().figure.axes[-1].get_yticklabels()]
+    assert texts == ["label 3", "heart", "left lung"]
+    many = ss.LabelColors.distinct(range(1, 120))
+    shown = ss.render(ss.RegularField(things(), labels=True), transfer_function=many, size=20)
+    assert 20 < len(color_bars(shown)[0].names) <= 40

@@ -164,9 +164,15 @@ function overlay(change) {
       const left = width - 74 - 92 * n;
       const top = (height - high) / 2;
       const shade = context.createLinearGradient(0, top + high, 0, top);
-      bar.colors.forEach((color, k) => shade.addColorStop(k / (bar.colors.length - 1), color));
+      bar.colors.forEach((color, k) => shade.addColorStop(k / Math.max(bar.colors.length - 1, 1), color));
       context.fillStyle = shade;
       context.fillRect(left, top, 14, high);
+      // Labels have a part each.
+      const part = high / bar.colors.length;
+      (bar.names.length ? bar.colors : []).forEach((color, k) => {
+        context.fillStyle = color;
+        context.fillRect(left, top + high - (k + 1) * part, 14, part);
+      });
       context.lineWidth = 1;
       context.strokeStyle = "rgba(255,255,255,0.6)";
       context.strokeRect(left - 0.5, top - 0.5, 15, high + 1);
@@ -174,7 +180,12 @@ function overlay(change) {
         bar.log
           ? (Math.log(number) - Math.log(bar.low)) / (Math.log(bar.high) - Math.log(bar.low))
           : (number - bar.low) / (bar.high - bar.low);
-      const marks = bar.log
+      for (const [place, name] of bar.names) {
+        write(context, name, left - 8, top + high * (1 - share(place)), "right");
+      }
+      const marks = bar.names.length
+        ? []
+        : bar.log
         ? ticks(Math.log10(bar.low), Math.log10(bar.high), 5).filter(Number.isInteger).map((power) => 10 ** power)
         : ticks(bar.low, bar.high, high / 45);
       for (const mark of marks) {

@@ -136,6 +136,19 @@ void state_fields(const Scene& scene, Effects& effects) {
                   text_of_count(scene.later_groups.size() + 1) + " transfer functions",
                   scene.later_groups.empty() ? "one transfer function classifies all fields"
                                              : "the mode shows the scalar itself");
+    const std::vector<Group> groups = scene.groups();
+    const auto shown = std::count_if(groups.begin(), groups.end(),
+                                     [](const Group& group) { return group.use.role == GroupRole::label; });
+    const auto labels = std::count_if(groups.begin(), groups.end(), is_label);
+    const auto colors = std::count_if(groups.begin(), groups.end(),
+                                      [](const Group& group) { return group.use.role == GroupRole::colors; });
+    effects.state(EffectId::labels, labels > 0,
+                  text_of_count(static_cast<std::size_t>(labels), "label") + ", of which " +
+                      text_of_count(static_cast<std::size_t>(shown)) + " have colours, are never mixed",
+                  "no field holds labels");
+    effects.state(EffectId::other_colors, colors > 0,
+                  text_of_count(static_cast<std::size_t>(colors), "field") + " give colours to what others show",
+                  "fields have their own colours");
 }
 
 void plan_clip(const Scene& scene, const ViewFacts& view, Effects& effects, DrawPlan& plan) {

@@ -26,6 +26,8 @@ enum class Control : std::uint8_t {
     X(normalization,           is,  is,  is, "the fields' normalization", "sums of values are divided by a constant or by sums of weights") \
     X(several_fields,          is,  is,  is, "the scene's fields", "the scalars of several fields add up") \
     X(own_transfer_functions,  is,  is,  is, "the scene's transfer functions", "groups of fields are classified by transfer functions of their own") \
+    X(labels,                  is,  is,  is, "the scene's labels", "weights of labels are compared, and each shows where its own is the largest") \
+    X(other_colors,            is,  is,  is, "the scene's color_by", "colours come from other fields than opacities") \
     X(separate_normalization,  is,  is,  is, "the fields' normalization", "fields are divided by their own weight sums before they are added") \
     X(scattered_kernels,       is,  is,  is, "the scene's fields", "kernels are ellipsoids that are sliced one by one") \
     X(boundary,                is,  is,  is, "the fields' boundary and what shows there", "samples are mirrored where lattices end, and what lies beyond is cut off") \

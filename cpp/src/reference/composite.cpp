@@ -173,9 +173,14 @@ std::vector<Compositor::Crossing> Compositor::find_crossings(const SheetWindow& 
             continue;
         }
         const double front = view.rho(0) + rho_shifts_[group], back = view.rho(1) + rho_shifts_[group];
+        // Where a label has no kernel it is not, though its scalar may be 0 for want of any others.
+        const auto below = [&](std::size_t ahead, double rho, double value) {
+            return rho < value || (is_label(groups_[group]) && !view.reached(ahead));
+        };
         for (const IsoValue& iso : counted_.iso_values(group)) {
-            if ((front < iso.value) != (back < iso.value)) {
-                crossings.push_back({(iso.value - front) / (back - front), group, &iso});
+            if (below(0, front, iso.value) != below(1, back, iso.value)) {
+                const double share = back != front ? (iso.value - front) / (back - front) : 0.0;
+                crossings.push_back({std::clamp(share, 0.0, 1.0), group, &iso});
             }
         }
     }

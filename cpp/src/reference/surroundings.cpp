@@ -115,8 +115,11 @@ double Surroundings::left_between(const Place& front, const Place& back) const {
         if (front.groups[group].ended || back.groups[group].ended) {
             continue;
         }
+        const auto below = [&](const GroupValue& value, double iso) {
+            return value.rho < iso || (is_label(groups_[group]) && value.empty);
+        };
         for (const IsoValue& iso : counted_.iso_values(group)) {
-            if ((front.groups[group].rho < iso.value) != (back.groups[group].rho < iso.value)) {
+            if (below(front.groups[group], iso.value) != below(back.groups[group], iso.value)) {
                 left *= 1.0 - iso.opacity;
             }
         }

@@ -73,6 +73,7 @@ if TYPE_CHECKING:
     from sheetsplat.ripple import lattice_ripple as lattice_ripple
     from sheetsplat.scalar_colors import ScalarColors as ScalarColors
     from sheetsplat.scene import Scene as Scene
+    from sheetsplat.slice_planes import SlicePlane as SlicePlane
     from sheetsplat.transfer import TransferFunction as TransferFunction
     from sheetsplat.viewer import Viewer as Viewer
     from sheetsplat.viewer import view as view
@@ -115,6 +116,7 @@ __all__ = [
     "ScalarColors",
     "Scene",
     "SceneFile",
+    "SlicePlane",
     "Snapshot",
     "TransferFunction",
     "Unsupported",
@@ -163,6 +165,7 @@ _HOMES = {
     "renderer": ("Renderer",),
     "ripple": ("lattice_ripple",),
     "scalar_colors": ("ScalarColors",),
+    "slice_planes": ("SlicePlane",),
     "scene": ("Scene",),
     "describe.scene_file": ("SceneFile",),
     "transfer": ("TransferFunction",),

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import MappingProxyType, SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import (
@@ -362,3 +364,44 @@ class Camera:
         last = f"height={self.height:g}" if self.kind == "orthographic" else f"fov_y={self.fov_y:g}, near={self.near:g}"
         last += f", shift={self.shift}" if any(self.shift) else ""
         return f"Camera.{self.kind}(eye={self.eye}, target={self.target}, up={self.up}, {last})"
+
+
+@dataclass(frozen=True)
+class Rays:
+    """The rays of pixels: world positions at depths. Conventions, section 1 (Coordinates).
+
+    Attributes
+    ----------
+    start
+        Positions at depth 0, (..., 3).
+    along
+        World units for each unit of depth, (..., 3).
+    """
+
+    start: NDArray[np.float64]
+    along: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, camera: Camera, size: tuple[int, int], columns: Any, rows: Any) -> Rays:
+        """Return the rays through the centres of pixels, by their columns and rows: numbers, or arrays of one shape."""
+        width, height = size
+        right, up, back = (np.asarray(axis) for axis in camera.world_axes())
+        x = (2.0 * (np.asarray(columns)[..., None] + 0.5) / width - 1.0) * width / height
+        y = 1.0 - 2.0 * (np.asarray(rows)[..., None] + 0.5) / height
+        eye = np.asarray(camera.eye)
+        if camera.kind == "orthographic":
+            start = eye + 0.5 * camera.height * (x * right + y * up)
+            return cls(start, np.broadcast_to(-back, start.shape))
+        slope = math.tan(math.radians(camera.fov_y) / 2.0)
+        x, y = x + 2.0 * camera.shift[0], y + 2.0 * camera.shift[1]
+        along = slope * (x * right + y * up) - back
+        return cls(np.broadcast_to(eye, along.shape), along)
+
+    @property
+    def stretch(self) -> Any:
+        """Length of the rays in each unit of depth."""
+        return np.linalg.norm(self.along, axis=-1)
+
+    def at(self, depths: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the positions at depths: of one ray (M, 3) at depths (M,), else one for each ray."""
+        return self.start + depths[..., None] * self.along

@@ -17,6 +17,7 @@ from sheetsplat.labels import LabelColors
 from sheetsplat.modes import TRAITS
 from sheetsplat.options.scene import surfaces_of
 from sheetsplat.quantity import Quantity
+from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.transfer import TransferFunction
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ class ColorBar:
 
 
 def color_bars(image: Image) -> list[ColorBar]:
-    """Return the colour bars of a picture, one for each of its transfer functions."""
+    """Return the colour bars of a picture, one for each of its transfer functions and for the colours of planes."""
     if image.is_scalar:
         return [_bar_of_numbers(image)]
     surfaces = surfaces_of(image.recipe.options["iso_value"]) if TRAITS[image.mode].shows_surfaces else ()
@@ -88,8 +89,26 @@ def color_bars(image: Image) -> list[ColorBar]:
         fields = " and ".join(map(str, range(first, first + count)))
         bars.append((bar, f"{bar.label} of field{'s' * (count > 1)} {fields}"))
         first += count
+    bars += [(bar, bar.label) for bar in _bars_of_planes(image)]
     alike = collections.Counter(bar.label for bar, _ in bars)
     return [replace(bar, label=longer) if alike[bar.label] > 1 else bar for bar, longer in bars]
+
+
+def _bars_of_planes(image: Image) -> list[ColorBar]:
+    """Return the bars of slice planes, one for each colormap and its limits; labels have none."""
+    recipe, quantity = image.recipe, common_quantity(image.recipe.fields)
+    if any(one.options.get("labels") for one in recipe.fields):
+        return []
+    found = dict.fromkeys((one.cmap, one.clim) for one in recipe.options["slice_planes"])
+    bars = []
+    for cmap, (low, high) in found:
+        if quantity.floor is not None:
+            low = max(low, quantity.floor)
+            high = high if low < high else 10.0 * low
+        table = ScalarColors(cmap).colors(np.linspace(0.0, 1.0, _COLORS), (0.0, 1.0))
+        table[:, 3] = 1.0
+        bars.append(ColorBar(table, low, high, quantity.floor is not None, f"{quantity.label} on planes"))
+    return bars
 
 
 def _bar_of_numbers(image: Image) -> ColorBar:

@@ -105,10 +105,26 @@ def picture_plane(image: Image) -> PicturePlane:
     labels = [one.label for one in shown]
     if camera.kind == "perspective":
         labels[0] += ", at the depth of the target"
+    if text := plane_text(image):
+        labels[0] += f"\n{text}"
     left, to_right, bottom, top = edges
     across, upwards = (one._replace(unit="") if one.unit == WORLD else one for one in shown)
     oblique = all("distance" in one for one in labels)
     return PicturePlane((left, to_right, bottom, top), (labels[0], labels[1]), (across, upwards), oblique)
+
+
+def plane_text(image: Image) -> str:
+    """Return where the slice planes at right angles to the axes are, in their coordinates; "" without any."""
+    if image.is_scalar:
+        return ""
+    axes, places = _axes_of(image), []
+    for plane in image.recipe.options["slice_planes"]:
+        along = np.flatnonzero(plane.normal)
+        if len(along) == 1:
+            axis = axes[along[0]]
+            unit = f" {axis.unit}" if axis.unit not in ("", WORLD) else ""
+            places.append(f"{axis.name} = {axis.coordinate(plane.offset / plane.normal[along[0]]):.4g}{unit}")
+    return f"plane{'s' * (len(places) > 1)} at {', '.join(places)}" if places else ""
 
 
 def world_height(image: Image) -> float:

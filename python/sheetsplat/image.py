@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image as PillowImage
 
     from sheetsplat.picking import Pick
+    from sheetsplat.planes_in_view import PlanesInView
     from sheetsplat.scene import Scene
 
 
@@ -126,10 +127,12 @@ class Image:
         estimate: Callable[[Progress | None], ErrorEstimate] | None = None,
         scene: Scene | None = None,
         depth_limit: Depths | None = None,
+        planes: PlanesInView | None = None,
     ) -> None:
         self._depth_limit = depth_limit
         samples = recipe.options["supersampling"]
-        arrays = averaged(native, samples)
+        drawn = averaged(native, samples)
+        arrays = drawn if planes is None else planes.behind(drawn)
         self._rgba: NDArray[np.float32] | None = arrays.rgba
         self._scalar: NDArray[np.float32] | None = arrays.scalar
         self._coverage: NDArray[np.float32] | None = arrays.coverage

@@ -71,9 +71,7 @@ def checked_depths(depths: ArrayLike | None, camera: Camera, size: tuple[int, in
     return result
 
 
-def in_front(depths: Depths | None, column: int, row: int, slices: Depths, spacing: float) -> NDArray[np.bool_]:
-    """Return which of the slices of a pixel, given by their depths, lie in front of the surface."""
-    if depths is None:
-        return np.ones(slices.shape, dtype=bool)
-    kept: NDArray[np.bool_] = slices < depths[row, column] - _AT_THE_SURFACE * spacing
+def in_front(surface: float, slices: Depths, spacing: float) -> NDArray[np.bool_]:
+    """Return which of the slices of a pixel, given by their depths, lie in front of a surface, given by its depth."""
+    kept: NDArray[np.bool_] = slices < surface - _AT_THE_SURFACE * spacing
     return kept

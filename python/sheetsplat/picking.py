@@ -10,11 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat._checks import Triple, number, shown, triple
+from sheetsplat.camera import Camera, Rays
 from sheetsplat.errors import complain, unusable
 from sheetsplat.fields import EllipsoidField, Field, RegularField, Wrapping
+from sheetsplat.fields.summed import as_summed
 from sheetsplat.labels import LabelColors
 from sheetsplat.limits import in_front
 from sheetsplat.modes import TRAITS
+from sheetsplat.planes_in_view import nearest, planes_of
 from sheetsplat.transfer import TransferFunction
 
 if TYPE_CHECKING:
@@ -36,7 +39,7 @@ class Pick:
         World position. Of composited colours on the slice where the opacity of the pixel first reaches ½, as
         `Image.depth` has it; where it stays below ½, on the slice that contributes most. Of surfaces where the ray
         crosses the value; of several likewise. In scalar modes on the slice with the largest scalar; where the smallest
-        is shown, with that.
+        is shown, with that. Where what lies in front of a slice plane stays below ½, on the plane.
     depth
         Its depth: world units from the eye along the view direction.
     value
@@ -45,7 +48,7 @@ class Pick:
     gradient
         Its derivatives along x, y, z, per world unit.
     opacity
-        Opacity per reference length there; of an isosurface its own; None in scalar modes.
+        Opacity per reference length there; of an isosurface its own; of a slice plane 1; None in scalar modes.
     field
         Number of the field with the nearest kernel, in the scene.
     kernel
@@ -76,37 +79,6 @@ class Pick:
     sample: tuple[int, int, int] | None = None
     label: int | None = None
     name: str | None = None
-
-
-@dataclass(frozen=True)
-class _Ray:
-    """The ray of a pixel: world positions at depths."""
-
-    eye: Floats
-    # World units for each unit of depth, and at depth 0.
-    along: Floats
-    beside: Floats
-    # Length of the ray in each unit of depth.
-    stretch: float
-
-    def at(self, depths: Floats) -> Floats:
-        """Return the positions at depths, (M, 3)."""
-        return self.eye + self.beside + depths[:, None] * self.along
-
-
-def _ray(image: Image, column: int, row: int) -> _Ray:
-    """Return the ray of a pixel's centre. Conventions, section 1 (Coordinates)."""
-    camera, (width, height) = image.camera, image.size
-    right, up, back = (np.asarray(axis) for axis in camera.world_axes())
-    x = (2.0 * (column + 0.5) / width - 1.0) * width / height
-    y = 1.0 - 2.0 * (row + 0.5) / height
-    eye = np.asarray(camera.eye)
-    if camera.kind == "orthographic":
-        return _Ray(eye, -back, 0.5 * camera.height * (x * right + y * up), 1.0)
-    slope = math.tan(math.radians(camera.fov_y) / 2.0)
-    x, y = x + 2.0 * camera.shift[0], y + 2.0 * camera.shift[1]
-    along = slope * (x * right + y * up) - back
-    return _Ray(eye, along, np.zeros(3), float(np.linalg.norm(along)))
 
 
 def _number(what: str, value: object, count: int) -> int:
@@ -155,23 +127,6 @@ class _Samples:
         )
 
 
-def _as_summed(fields: tuple[Field, ...]) -> tuple[Field, ...]:
-    """Return the fields of a group as they are summed: those that end in different places end nowhere.
-
-    Conventions, section 2.
-    """
-    if len({one.domain for one in fields}) == 1:
-        return fields
-    return tuple(
-        one.replace(boundary="zero", base=0.0)
-        if isinstance(one, RegularField)
-        else one.without_end()
-        if isinstance(one, EllipsoidField)
-        else one
-        for one in fields
-    )
-
-
 @dataclass(frozen=True)
 class _Shown:
     """What is classified by itself: a group of fields, or a label."""
@@ -218,7 +173,7 @@ def _shown_of(scene: Scene) -> list[_Shown]:
                         _Shown((parts[label],), first, step, ((0.0, opacity),), label=label, name=name, others=others)
                     )
         else:
-            found.append(_Shown(_as_summed(fields), first, function, scene.surfaces))
+            found.append(_Shown(as_summed(fields), first, function, scene.surfaces))
         first += len(fields)
     return found
 
@@ -227,17 +182,20 @@ def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
     """Return what is seen at a pixel of a picture of a scene; see `Image.pick`."""
     width, height = image.size
     column, row = _number("x", x, width), _number("y", y, height)
-    ray = _ray(image, column, row)
+    ray = Rays.of(image.camera, image.size, column, row)
     plan = image.plan
     depths: Floats = plan.first_depth + plan.slice_spacing * np.arange(plan.slices, dtype=np.float64)
     if not depths.size:
         return None
     points = ray.at(depths)
-    visible = in_front(image.depth_limit, column, row, depths, plan.slice_spacing)
+    surface = math.inf if image.depth_limit is None else float(image.depth_limit[row, column])
+    plane = _plane_at(scene, image.camera, ray, surface)
+    surface, hides = min(surface, plane), plane < math.inf
+    visible = in_front(surface, depths, plan.slice_spacing)
     kept, stop = scene.options["clip"].keeps(points) & visible, float(image.recipe.options["opacity_stop"])
     mode = TRAITS[scene.mode]
     if mode.is_scalar:
-        fields_of = [_as_summed(fields) for fields in scene.groups]
+        fields_of = [as_summed(fields) for fields in scene.groups]
         all_fields = _Samples.sum_of(fields_of, points)
         shown_here = all_fields.reached & all_fields.inside & kept
         if not shown_here.any():
@@ -250,26 +208,41 @@ def pick(image: Image, scene: Scene, x: object, y: object) -> Pick | None:
     if mode.shows_surfaces:
         # Slices behind the last one are empty, but a surface may hide them.
         behind = depths[-1:] + plan.slice_spacing
-        open_back = bool(in_front(image.depth_limit, column, row, behind, plan.slice_spacing)[0])
+        open_back = bool(in_front(surface, behind, plan.slice_spacing)[0])
         beyond = ray.at(np.concatenate([depths[:1] - plan.slice_spacing, behind]))
         open_ends = np.array([not plan.cut_by_near, open_back])
         ends = [
             (bool(front), bool(back)) for front, back in (open_ends & one.fields[0].inside(beyond) for one in things)
         ]
-        found = _seen_surface(things, groups, depths, kept, plan.slice_spacing, stop, ends)
-        return None if found is None else _surface_at(things[found[0].group], ray, *found)
+        found = _seen_surface(things, groups, depths, kept, plan.slice_spacing, stop, ends, hides=hides)
+        if found is None:
+            return _on_plane(things, ray, plane) if hides else None
+        return _surface_at(things[found[0].group], ray, *found)
     opacities = np.array(
         [_opacities(scene, thing.function, group, kept) for thing, group in zip(things, groups, strict=True)]
     )
     lengths = plan.slice_spacing * ray.stretch / scene.reference_length
     with np.errstate(divide="ignore"):
         alpha = -np.expm1(lengths * np.log1p(-opacities).sum(axis=0))
-    n = _seen(alpha, stop)
+    n = _seen(alpha, stop, hides=hides)
     if n is None:
-        return None
+        return _on_plane(things, ray, plane) if hides else None
     # The group that is most opaque there.
     which = int(opacities[:, n].argmax())
     return _pick_of(things[which], ray, float(depths[n]), float(opacities[which, n]))
+
+
+def _plane_at(scene: Scene, camera: Camera, ray: Rays, surface: float) -> float:
+    """Return the depth of the slice plane on a ray that is nearest, infinite where none is before a surface."""
+    planes = planes_of(scene)
+    depth = float(nearest(planes, scene, camera, ray)[0]) if planes else math.inf
+    return depth if depth <= surface else math.inf
+
+
+def _on_plane(things: list[_Shown], ray: Rays, depth: float) -> Pick:
+    """Return what is seen on a slice plane: of labels the one that is farthest above the others."""
+    point = ray.at(np.asarray([depth]))
+    return _pick_of(max(things, key=lambda one: one.at(point).values[0]), ray, depth, 1.0)
 
 
 def _opacities(scene: Scene, function: TransferFunction, group: _Samples, kept: NDArray[np.bool_]) -> Floats:
@@ -281,8 +254,11 @@ def _opacities(scene: Scene, function: TransferFunction, group: _Samples, kept: 
     return opacity
 
 
-def _seen(alpha: Floats, stop: float) -> int | None:
-    """Return where along a ray the opacity first reaches ½, else what contributes most; None without opacity."""
+def _seen(alpha: Floats, stop: float, *, hides: bool) -> int | None:
+    """Return where along a ray the opacity first reaches ½, else what contributes most; None without opacity.
+
+    hides: an opaque plane lies behind all of it, and is what is seen where the opacity stays below ½.
+    """
     left = np.concatenate([[1.0], np.cumprod(1.0 - alpha)])
     # A pixel is finished with what takes it to the stop.
     contributions = np.where(1.0 - left[:-1] < stop, left[:-1] * alpha, 0.0)
@@ -290,6 +266,8 @@ def _seen(alpha: Floats, stop: float) -> int | None:
     if not (total.size and total[-1] > 0):
         return None
     half = np.flatnonzero(total >= 0.5)
+    if not half.size and hides:
+        return None
     return int(half[0] if half.size else contributions.argmax())
 
 
@@ -314,11 +292,13 @@ def _seen_surface(
     spacing: float,
     stop: float,
     ends_kept: list[tuple[bool, bool]],
+    *,
+    hides: bool,
 ) -> tuple[_Crossing, float, float] | None:
     """Return the crossing that is seen, its value and its opacity, or None. Conventions, section 7 (Modes).
 
     ends_kept: of each group, whether the slices that there are not, before the first one and behind the last, may end
-    an interval.
+    an interval. hides: as for `_seen`.
     """
     ends = np.concatenate([[depths[0] - spacing], depths, [depths[-1] + spacing]])
     crossings = []
@@ -335,11 +315,11 @@ def _seen_surface(
                 crossings.append(_Crossing(n, float(place), number_of_group, surface, start, end, bool(below[n])))
     crossings.sort(key=lambda one: (one.interval, one.place, one.group, one.surface))
     surfaces = [things[one.group].surfaces[one.surface] for one in crossings]
-    seen = _seen(np.array([opacity for _, opacity in surfaces]), stop)
+    seen = _seen(np.array([opacity for _, opacity in surfaces]), stop, hides=hides)
     return None if seen is None else (crossings[seen], *surfaces[seen])
 
 
-def _surface_at(thing: _Shown, ray: _Ray, crossing: _Crossing, iso: float, opacity: float) -> Pick:
+def _surface_at(thing: _Shown, ray: Rays, crossing: _Crossing, iso: float, opacity: float) -> Pick:
     """Return what is seen where a ray crosses a surface, whose place between the slices is found first."""
     start, end = crossing.start, crossing.end
     for _ in range(2):
@@ -356,7 +336,7 @@ def _surface_at(thing: _Shown, ray: _Ray, crossing: _Crossing, iso: float, opaci
     return _pick_of(thing, ray, depth, opacity)
 
 
-def _pick_of(thing: _Shown, ray: _Ray, depth: float, opacity: float) -> Pick:
+def _pick_of(thing: _Shown, ray: Rays, depth: float, opacity: float) -> Pick:
     """Return what is seen of a group, or of a label, at a depth of a ray."""
     found = _pick_at(thing.fields, thing.first, ray, depth, opacity)
     if thing.label is None:
@@ -365,7 +345,7 @@ def _pick_of(thing: _Shown, ray: _Ray, depth: float, opacity: float) -> Pick:
     return replace(found, value=float(thing.label), gradient=slope, label=thing.label, name=thing.name)
 
 
-def _pick_at(fields: tuple[Field, ...], first: int, ray: _Ray, depth: float, opacity: float | None) -> Pick:
+def _pick_at(fields: tuple[Field, ...], first: int, ray: Rays, depth: float, opacity: float | None) -> Pick:
     """Return what fields that add up are at a depth of a ray; `first`: the number of the first of them in the scene."""
     point = ray.at(np.asarray([depth]))
     probes = [field.probe(point) for field in fields]

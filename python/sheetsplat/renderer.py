@@ -29,6 +29,7 @@ from sheetsplat.notices import is_muted, muted, warn
 from sheetsplat.options.core import checked, definitions, documented, filled
 from sheetsplat.options.renderer import OUTPUTS, Output, Progress, RendererClassOptions, RendererKeywords, check_backend
 from sheetsplat.plan import RenderPlan
+from sheetsplat.planes_in_view import PlanesInView
 from sheetsplat.quality.lost import keeping, warn_of_lost, with_lost
 from sheetsplat.quality.thin import LEAST_UNMET, may_be_flat, unmet_kernels
 from sheetsplat.scene import Scene
@@ -61,6 +62,7 @@ class _View(NamedTuple):
     size: tuple[int, int]
     outputs: tuple[str, ...]
     depth_limit: Depths | None
+    planes: PlanesInView | None
 
     @classmethod
     def of(cls, scene: Scene, camera: Camera, size: object, outputs: object, depth_limit: ArrayLike | None) -> _View:
@@ -76,7 +78,8 @@ class _View(NamedTuple):
                 kind=Unsupported,
             )
         pixels = image_size(size)
-        return cls(scene, camera, pixels, _names(outputs), checked_depths(depth_limit, camera, pixels))
+        limit = checked_depths(depth_limit, camera, pixels)
+        return cls(scene, camera, pixels, _names(outputs), limit, PlanesInView.of(scene, camera, pixels, limit))
 
     @property
     def samples(self) -> int:
@@ -85,9 +88,10 @@ class _View(NamedTuple):
 
     @property
     def native_scene(self) -> _sheetsplat.Scene:
-        """The scene of the native renderer, to which depth limits belong."""
-        native = self.scene.native
-        limit = fine_depths(self.depth_limit, self.samples)
+        """The scene of the native renderer, to which depth limits belong; a background comes behind slice planes."""
+        planes = self.planes
+        native = (self.scene if planes is None else planes.in_front).native
+        limit = fine_depths(self.depth_limit if planes is None else planes.limit(self.depth_limit), self.samples)
         return native if limit is None else native.with_depth_limit(limit)
 
     def native(self) -> dict[str, Any]:
@@ -455,7 +459,7 @@ class Renderer:
                 whole = averaged(self.native.render(**other.native(), progress=progress), other.samples)
             return with_lost(estimated, averaged(drawn, view.samples).scalar, whole.scalar)
 
-        image = Image(native, self._recipe(native, view), estimate, scene, view.depth_limit)
+        image = Image(native, self._recipe(native, view), estimate, scene, view.depth_limit, view.planes)
         width, height = image.size
         plan = image.plan
         self._warn_of_unused(plan)
@@ -500,6 +504,8 @@ class Renderer:
             settings["precision"] = chosen.pop("precision")
             second_order = chosen.pop("second_order")
             chosen["preintegration"] = "second_order" if second_order else chosen["preintegration"]
+        if view.planes is not None:
+            chosen["slice_planes"] = view.planes.planes
         return Recipe.of(view.scene, view.camera, view.size, settings, **chosen)
 
     @staticmethod

@@ -102,7 +102,7 @@ class ScalarColors:
         low = max(float(np.percentile(known, _FAINT_PERCENTILE)), high * 10.0**-_DECADES)
         return (low, high) if low < high else (0.5 * high, high)
 
-    def shares(self, scalar: NDArray[np.float32], limits: tuple[float, float]) -> NDArray[np.float64]:
+    def shares(self, scalar: NDArray[np.floating[Any]], limits: tuple[float, float]) -> NDArray[np.float64]:
         """Return where numbers lie between limits, 0 to 1; 0 for NaN."""
         low, high = limits
         known = np.nan_to_num(scalar.astype(np.float64), nan=low, posinf=high, neginf=low)
@@ -111,7 +111,7 @@ class ScalarColors:
         raised = np.log(np.maximum(known, low)) - math.log(low)
         return np.clip(raised / (math.log(high) - math.log(low)), 0.0, 1.0)
 
-    def colors(self, scalar: NDArray[np.float32], limits: tuple[float, float]) -> NDArray[np.float64]:
+    def colors(self, scalar: NDArray[np.floating[Any]], limits: tuple[float, float]) -> NDArray[np.float64]:
         """Return straight r, g, b, opacity of numbers, one more axis of 4; all 0 for NaN."""
         rows = self.table
         at = np.linspace(0.0, 1.0, len(rows))

@@ -217,8 +217,9 @@ class Scene:
                 option="mode",
             )
         native = {name: _native(value) for name, value in self._options.items()}
-        # The engine makes the numbers of a scalar picture; the image makes their colours, and the mean of samples.
-        del native["scalar_colors"], native["supersampling"], native["iso_value"]
+        # The engine makes the numbers of a scalar picture; the image makes their colours, the mean of samples, and what
+        # slice planes put behind it.
+        del native["scalar_colors"], native["supersampling"], native["iso_value"], native["slice_planes"]
         native["filter"] = native["filter"] or "none"
         native["second_order"] = native["preintegration"] == "second_order"
         native["preintegration"] = bool(native["preintegration"])

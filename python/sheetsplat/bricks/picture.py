@@ -28,6 +28,7 @@ from sheetsplat.image import ErrorEstimate, Image, image_of
 from sheetsplat.limits import Depths, checked_depths
 from sheetsplat.look.empty import warn_of_unseen
 from sheetsplat.options.renderer import Progress
+from sheetsplat.planes_in_view import PlanesInView
 from sheetsplat.quality.lost import keeping, warn_of_lost, with_lost
 from sheetsplat.scene import Scene
 from sheetsplat.supersampling import averaged, fine_depths, fine_size
@@ -57,7 +58,12 @@ class Begun:
         self._began, self._scene, self._size, self._limit = time.perf_counter(), scene, size, depth_limit
         field = bricked_field(scene)
         assert field is not None
-        view = view_of(field, scene, camera, size, outputs, depth_limit, settings)
+        self._planes = planes = PlanesInView.of(scene, camera, size, depth_limit)
+        limit = depth_limit
+        if planes is not None:
+            scene, limit = planes.in_front, planes.limit(depth_limit)
+        self._drawn_limit = limit
+        view = view_of(field, scene, camera, size, outputs, limit, settings)
         self._view, self._plan = planned(scene, view)
         self._begin, self._begin_measure = _HERE
         if client is not None:
@@ -71,13 +77,16 @@ class Begun:
         finished, stats = self._pending.result(progress)
         stats |= {"total": time.perf_counter() - self._began}
         scene, view, samples = self._scene, self._view, self._scene.supersampling
-        arrays = averaged(finished, samples)
+        drawn = averaged(finished, samples)
+        arrays, chosen = drawn, {}
+        if self._planes is not None:
+            arrays, chosen = self._planes.behind(drawn), {"slice_planes": self._planes.planes}
         _log.info(
             "rendered %d x %d in %.0f of %.0f bricks, %.0f read", *self._size, stats["bricks_drawn"], stats["bricks"],
             stats["bricks_read"],
         )  # fmt: skip
         return image_of(
-            Recipe.of(scene, view.camera, self._size, view.settings),
+            Recipe.of(scene, view.camera, self._size, view.settings, **chosen),
             self._plan,
             stats,
             rgba=arrays.rgba,
@@ -86,7 +95,7 @@ class Begun:
             depth=arrays.depth,
             depth_limit=self._limit,
             scene=scene,
-            estimate=partial(self._estimate, arrays),
+            estimate=partial(self._estimate, drawn),
         )
 
     def _estimate(self, arrays: Finished, progress: Progress | None) -> ErrorEstimate:
@@ -110,7 +119,7 @@ class Begun:
         other = view.replace(
             options={**view.options, "filter": better.filter},
             size=fine_size(self._size, count),
-            depth_limit=fine_depths(self._limit, count),
+            depth_limit=fine_depths(self._drawn_limit, count),
             outputs=(),
             allowed=None,
         )

@@ -56,6 +56,7 @@ def file_options(options: dict[str, Any]) -> dict[str, Any]:
 def _look(options: dict[str, Any]) -> dict[str, Any]:
     """Return what `compose_scene` takes for the options of the look; a depth cue by the camera is left out."""
     from sheetsplat.effects import AmbientOcclusion, Clip, DepthCue
+    from sheetsplat.slice_planes import SlicePlane, slice_planes_of
 
     look = pick(LookOptions, options)
     if isinstance(look["cmap"], ColorPairs):
@@ -72,6 +73,8 @@ def _look(options: dict[str, Any]) -> dict[str, Any]:
             box=None if box is None else (box[:3], box[3:]),
             sphere=None if sphere is None else (sphere[:3], sphere[3]),
         )
+    planes = [SlicePlane(plane[:3], plane[3]) for plane in options["slice_plane"]]
+    look["slice_planes"] = (*planes, *slice_planes_of("slice_planes", options["slice_planes"] or None))
     if isinstance(options["ambient_occlusion"], tuple):
         look["ambient_occlusion"] = AmbientOcclusion(*options["ambient_occlusion"])
     cue, color = look.pop("depth_cue"), options["depth_cue_color"]

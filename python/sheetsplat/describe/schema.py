@@ -95,7 +95,7 @@ def value_of(option: Option, value: Any) -> Any:
     Raises InvalidInput where the value has no meaning for this option, whatever the others are.
     """
     kind, several = class_of(option.type)
-    if kind is not None and (isinstance(value, dict) or several):
+    if kind is not None and (isinstance(value, dict) or several) and value not in choices_of(option.type):
         tables = value if isinstance(value, list) else [value]
         if not all(isinstance(one, dict) for one in tables) or isinstance(value, dict) == several:
             raise _wrong(option, value, f"{'an array of tables' if several else 'a table'} of a {kind.__name__}")

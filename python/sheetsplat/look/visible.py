@@ -60,9 +60,11 @@ def visible_points(scene: Scene, camera: Camera) -> tuple[Floats, float] | None:
     1 - exp(-sum of optical depths), whatever lies in front, so a histogram of positions weighted by their optical
     depths is enough. Integrals have values for optical depths, surfaces all that is on their dense side, maxima and
     means all that is not dark; where the minimum of a ray is shown, everything counts. Integrals of a region are those
-    of all that it keeps, and integrals of a periodic box those of the box.
+    of all that it keeps, and integrals of a periodic box those of the box. Slice planes go through all of the data.
     """
     mode = TRAITS[scene.mode]
+    if scene.options["slice_planes"] and not mode.is_scalar:
+        return _region(scene)
     if mode.fold == "smallest":
         return None
     if mode.integrates:

@@ -26,6 +26,7 @@ from sheetsplat.options.checks import instance_of, one_of, optional, or_default
 from sheetsplat.options.core import COLORED, COMPOSITE, MODES, SCALAR, SURFACES, CommandLine, Mode, Option, definitions
 from sheetsplat.options.values import POSITIVE, Numbers, Real, Special, Whole
 from sheetsplat.scalar_colors import ScalarColors
+from sheetsplat.slice_planes import SlicePlane, slice_planes_of
 
 Sampling = Literal["point", "slab"]
 Filter = Literal["ewa", "off"]
@@ -342,6 +343,26 @@ class EffectOptions(TypedDict, total=False):
                     Numbers("X,Y,Z,RADIUS", 4),
                     "Keep the sphere around a point, world units.",
                 ),
+            ),
+        ),
+    ]
+    slice_planes: Annotated[
+        Sequence[SlicePlane] | SlicePlane | Literal["orthogonal"] | None,
+        Option(
+            "Opaque planes through the data, coloured by their values and in depth order with the picture; "
+            '"orthogonal": three through the middle of the data, at right angles to x, y and z.',
+            accepts='SlicePlane, sequence of them, or "orthogonal"',
+            modes=COLORED,
+            check=slice_planes_of,
+            cli=(
+                CommandLine(
+                    "--slice-plane",
+                    "slice_plane",
+                    Numbers("NX,NY,NZ,OFFSET", 4),
+                    "Show the values, in gray, on the points x with N·x = OFFSET, world units; may be repeated.",
+                    multiple=True,
+                ),
+                CommandLine(help="Show the values, in gray, on three planes through the middle of the data."),
             ),
         ),
     ]

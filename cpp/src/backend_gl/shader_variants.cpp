@@ -183,7 +183,7 @@ ShadedParts shaded_parts(const Scene& scene) {
     parts.labels = !label_sets(groups).empty();
     parts.serving = std::any_of(groups.begin(), groups.end(), [](const Group& group) { return !is_classified(group); });
     if (shows_surfaces(scene.mode)) {
-        std::size_t most = 0;
+        std::size_t most = 1;
         bool plain = parts.groups == 1;
         for (std::size_t group = 0; group < groups.size(); ++group) {
             const std::vector<IsoValue> values = iso_values_of(scene, group);

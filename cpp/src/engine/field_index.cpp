@@ -334,6 +334,10 @@ const GridEntry& FieldIndex::grid_of(std::size_t number, const Scene& scene, con
     }
     VisibilityQuery query = query_of(number, scene, plan, frame);
     query.only_near = seen_beside(number, scene, plan, frame);
+    if (as_ellipsoids(field.get()) == nullptr) {
+        // Of a lattice's kernels, one by one, it is not looked for.
+        query.only_near.clear();
+    }
     if (entry->decided) {
         if (entry->decided->answers(query)) {
             return *entry;

@@ -73,10 +73,14 @@ void set_uses(const gl::Program& program, const Scene& scene, const ShadedParts&
         program.set("counted[" + std::to_string(group) + "]", groups[group].use.role != GroupRole::colors ? 1 : 0);
         set_range("colors", group, colors_of(groups, group));
     }
+    // (Other scenes may have set those of the same program.)
+    std::vector<GroupRange> sets(groups.size());
     for (const GroupRange& set : label_sets(groups)) {
-        for (std::size_t group = set.first; group < set.last && parts.labels; ++group) {
-            set_range("label_sets", group, set);
-        }
+        std::fill(sets.begin() + static_cast<std::ptrdiff_t>(set.first),
+                  sets.begin() + static_cast<std::ptrdiff_t>(set.last), set);
+    }
+    for (std::size_t group = 0; group < groups.size() && parts.labels; ++group) {
+        set_range("label_sets", group, sets[group]);
     }
 }
 

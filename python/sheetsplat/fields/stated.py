@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
-from sheetsplat._checks import Triple, color
+from sheetsplat._checks import Triple, color, shown
 from sheetsplat._properties import Forwarded
 from sheetsplat.errors import complain, unusable
 from sheetsplat.transfer import color_limits
@@ -57,6 +57,8 @@ class Stating:
         """
         what = "RegularField: color"
         made = None if shade is None else color(what, shade)
+        if made is not None and max(made) > 1.0:
+            raise complain(unusable(what), shown(shade), "red, green and blue from 0 to 1")
         limits = None if window is None else color_limits(window)
         return self._with(_stated=self._stated._replace(color=made, window=limits))
 

@@ -282,6 +282,9 @@ def _of_volume(volume: Volume, options: Mapping[str, Any]) -> RegularField:
     if volume.packing.missing and np.isnan(volume.values).any():
         chosen["nan"] = "skip"
     chosen |= {name: options[name] for name in _SAMPLES if name in options}
+    if volume.channel.color is not None and volume.labels is False:
+        # Beside others a channel is measured, whatever its numbers look like.
+        chosen.setdefault("labels", False)
     field = RegularField(volume.values, **with_labels(volume.values, chosen, stated=volume.labels is not False))
     if field.labels and not isinstance(volume.labels, bool):
         field = field.with_label_colors(volume.labels)

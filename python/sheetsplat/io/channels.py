@@ -56,7 +56,7 @@ def chosen_channels(path: Where, count: int, told: Sequence[Channel], name: str 
     if count == 1 and name is None:
         return {0: Channel()}
     if count == 1 and not told:
-        what = option_ref("name", name or "") + " for a file of one volume"
+        what = option_ref("name") + " for a file of one volume"
         raise unreadable(path, what, "it for files with several", "leave it out", option="name")
     given = [told[at] if at < len(told) else Channel() for at in range(min(count, 1000))]
     labels = [printable(one.name) or f"channel {at}" for at, one in enumerate(given)]

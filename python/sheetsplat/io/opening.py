@@ -215,7 +215,13 @@ def read_regular(path: str | os.PathLike[str], options: Mapping[str, Any]) -> li
     reading = {name: options[name] for name in _RAW if name in options}
     if "scalar" in options:
         reading["name"] = options["scalar"]
-    return [_in_decades(one, options.get("log", False), str(path)) for one in read_volumes(path, reading)]
+    try:
+        volumes = read_volumes(path, reading)
+    except Error as error:
+        if "scalar" not in options:
+            raise
+        raise about_option(error, "name", "scalar") from error
+    return [_in_decades(one, options.get("log", False), str(path)) for one in volumes]
 
 
 def _in_decades(volume: Volume, log: bool | float, where: str) -> Volume:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_data_formats import needed, nifti, tiff
+from test_data_formats import dicom, item, needed, nifti, tiff
 
 import sheetsplat as ss
 from sheetsplat import io
@@ -287,6 +287,79 @@ def test_labels_of_ome_zarr(tmp_path):
     with pytest.warns(ss.PictureWarning, match="colours of 5000 labels are not used"):
         field = ss.open(label_image(tmp_path / "c.zarr", colors=many))
     assert field.labels and field.label_colors is None
+
+
+def dicom_segments(folder, kind="BINARY", order=((1, 0), (1, 1), (2, 1), (2, 3)), **changes):
+    """Write a segmentation of two segments on four planes, the third of which has no frame."""
+    masks = RANDOM.integers(0, 2, (len(order), 8, 8)).astype(np.uint8)
+
+    def segmented(data, _):
+        data.SOPClassUID = data.file_meta.MediaStorageSOPClassUID = "1.2.840.10008.5.1.4.1.1.66.4"
+        data.Modality, data.SegmentationType, data.NumberOfFrames = "SEG", kind, len(order)
+        data.Rows = data.Columns = 8
+        data.BitsAllocated = data.BitsStored = 1
+        data.HighBit = data.PixelRepresentation = 0
+        if kind == "FRACTIONAL":
+            data.BitsAllocated = data.BitsStored = 8
+            data.HighBit, data.MaximumFractionalValue = 7, 200
+        data.PixelData = (
+            (masks * 150).tobytes() if kind == "FRACTIONAL" else np.packbits(masks.ravel(), bitorder="little").tobytes()
+        )
+        for name in (
+            "ImagePositionPatient",
+            "ImageOrientationPatient",
+            "PixelSpacing",
+            "RescaleSlope",
+            "RescaleIntercept",
+        ):
+            delattr(data, name)
+        plane = item(ImageOrientationPatient=[1, 0, 0, 0, 1, 0])
+        measures = item(PixelSpacing=[0.75, 0.5])
+        data.SharedFunctionalGroupsSequence = [item(PlaneOrientationSequence=[plane], PixelMeasuresSequence=[measures])]
+        data.PerFrameFunctionalGroupsSequence = [
+            item(
+                PlanePositionSequence=[item(ImagePositionPatient=[10, 20, 30 + 2.5 * at])],
+                SegmentIdentificationSequence=[item(ReferencedSegmentNumber=number)],
+            )
+            for number, at in order
+        ]
+        data.SegmentSequence = [
+            item(SegmentNumber=1, SegmentLabel="liver", RecommendedDisplayCIELabValue=[65535, 32896, 32896]),
+            item(SegmentNumber=2, SegmentLabel="lung", RecommendedDisplayCIELabValue=[34890, 53480, 50167]),
+        ]
+        for name, value in changes.items():
+            setattr(data, name, value)
+
+    return next(dicom(folder, order=[0], change=segmented).iterdir()), masks.astype(bool)
+
+
+@pytest.mark.parametrize("kind", ["BINARY", "FRACTIONAL"])
+def test_segmentations_of_dicom(tmp_path, kind):
+    path, masks = dicom_segments(tmp_path / "a", kind)
+    expected = np.zeros((4, 8, 8), np.uint16)
+    with pytest.warns(ss.PictureWarning, match="segments overlap"):
+        field = ss.open(path)
+    for mask, (number, at) in zip(masks, ((1, 0), (1, 1), (2, 1), (2, 3)), strict=True):
+        expected[at][mask] = number
+    np.testing.assert_array_equal(field.values, expected)
+    assert field.labels and field.spacing == (0.5, 0.75, 2.5) and field.origin == (10, 20, 30)
+    assert dict(field.label_colors.names) == {1: "liver", 2: "lung"}
+    assert field.label_colors.colors[1] == pytest.approx((1, 1, 1, 1), abs=0.01)
+    assert field.label_colors.colors[2] == pytest.approx((1, 0, 0, 1), abs=0.01)
+
+
+def test_segmentations_of_dicom_that_lie(tmp_path):
+    for number, (options, text) in enumerate(
+        (
+            ({"order": ((1, 0), (2, 0))}, "one slice"),
+            ({"order": ((1, 0), (1, 1), (2, 2.4))}, "others between them"),
+            ({"order": ((0, 0), (1, 1))}, "frame 0 without the number of its segment"),
+            ({"NumberOfFrames": 9}, "9 frames with 4 groups"),
+        )
+    ):
+        path, _ = dicom_segments(tmp_path / str(number), **options)
+        with pytest.raises(ss.InvalidInput, match=text):
+            ss.open(path)
 
 
 def test_thousands_of_labels(tmp_path):

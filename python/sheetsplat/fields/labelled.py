@@ -73,8 +73,8 @@ def split_colors(values: Any) -> tuple[Any, NDArray[Any] | None]:
         raise complain(
             "RegularField: colours cannot be used",
             f"{values.shape[-1]} components of type {values.dtype}, from {values.min():g} to {values.max():g}",
-            "red, green, blue and if wanted opacity: uint8, uint16, or numbers from 0 to 1",
-            "choose one component, values[..., 0], or divide by the largest",
+            "uint8, uint16, or numbers from 0 to 1",
+            "choose one component, or divide by the largest",
         )
     _memory.require(4 * values[..., 0].size * 2, "the opacities of colours")
     full = float(np.iinfo(values.dtype).max) if integers else 1.0

@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, Self, runtime_checkable
 
 from sheetsplat._checks import Triple, color, shown
 from sheetsplat._properties import Forwarded
 from sheetsplat.errors import complain, unusable
 from sheetsplat.transfer import color_limits
 
-if TYPE_CHECKING:
-    from sheetsplat.labels import LabelColors
+
+@runtime_checkable
+class NamedColors(Protocol):
+    """What a `LabelColors` has."""
+
+    @property
+    def colors(self) -> Mapping[int, tuple[float, float, float, float]]:
+        """Red, green, blue and opacity of labels."""
+
+    @property
+    def names(self) -> Mapping[int, str]:
+        """What labels are called."""
+
+    @property
+    def background(self) -> int:
+        """The label of what is no thing."""
 
 
 class Stated(NamedTuple):
@@ -63,12 +78,12 @@ class Stating:
         return self._with(_stated=self._stated._replace(color=made, window=limits))
 
     @property
-    def label_colors(self) -> LabelColors | None:
-        """Names and colours of its labels; None where nobody stated any, and for volumes of values."""
-        found: LabelColors | None = self._stated.label_colors if self._labels else None
+    def label_colors(self) -> NamedColors | None:
+        """Names and colours of its labels, a `LabelColors`; None where nobody stated any, and for volumes of values."""
+        found: NamedColors | None = self._stated.label_colors if self._labels else None
         return found
 
-    def with_label_colors(self, colors: LabelColors | None) -> Self:
+    def with_label_colors(self, colors: NamedColors | None) -> Self:
         """Return the same volume of labels, without a copy of its arrays, with names and colours of these.
 
         Labels that have none get those of `LabelColors.distinct`.
@@ -78,9 +93,7 @@ class Stating:
         InvalidInput
             For volumes of values, and for anything but a `LabelColors`.
         """
-        from sheetsplat.labels import LabelColors
-
-        if colors is not None and not (self._labels and isinstance(colors, LabelColors)):
+        if colors is not None and not (self._labels and isinstance(colors, NamedColors)):
             found = "a volume of values" if not self._labels else type(colors).__name__
             wanted = "a LabelColors, for a volume of labels"
             raise complain(

@@ -288,7 +288,7 @@ def _read(source: Source, *, located: bool) -> tuple[Volume, dict[str, Any], int
         raise unreadable(
             source.path,
             f"{header['dimension']} axes, sizes {sides(sizes)}",
-            "three axes, and at most one more whose kind says that it is that of channels or colours",
+            "three axes, and at most one of channels or colours by its kind",
             "choose one channel or one time step, for instance with: unu slice",
         )
     data = _field(header, "data file", "datafile")

@@ -112,6 +112,11 @@ class Channel:
         The values at which its colour begins and is full; None where the file does not say.
     number
         Which one it is, from 0 on.
+
+    Examples
+    --------
+    >>> ss.io.Channel("DAPI", (0, 0, 1), window=(50, 900)).name
+    'DAPI'
     """
 
     name: str = ""

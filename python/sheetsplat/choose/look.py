@@ -17,6 +17,7 @@ from sheetsplat.fields import EllipsoidField, Field, RegularField, joined_bounds
 from sheetsplat.labels import LabelColors
 from sheetsplat.light import Light, Material
 from sheetsplat.look import automatic
+from sheetsplat.look.channel_light import adds_light
 from sheetsplat.look.histogram import Look
 from sheetsplat.look.strays import COARSE, kernel_spacing
 from sheetsplat.look.surface import surface_limits
@@ -68,7 +69,8 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
     given = pick_given(SceneOptions, options)
     mode = given.get("mode", MODES[0])
     free = options.get("transfer_function") is None
-    own_look = [free and _has_own_look(one, mode, options) for one in fields]
+    light = adds_light(fields, mode, options)
+    own_look = [free and (light or _has_own_look(one, mode, options)) for one in fields]
     apart: Any = [one for one, own in zip(fields, own_look, strict=True) if own]
     measures = [one for one, own in zip(fields, own_look, strict=True) if not own]
     values = [one for one in fields if not is_labelled(one)]
@@ -157,7 +159,9 @@ def _own_look(field: Field, mode: str, iso_value: Any, options: Mapping[str, Any
     # Surfaces have the colour itself.
     own = {"cmap": [field.color if mode in SURFACES else (0.0, 0.0, 0.0), field.color], "clim": field.window}
     asked = {**own, **pick_given(LookOptions, options)}
-    return _transfer_function([field], mode, iso_value, asked, partial(automatic.choose, [field]))[0]
+    # Of the light of channels the limits are those of a picture of colours.
+    seen = mode if mode in COLORED else MODES[0]
+    return _transfer_function([field], seen, iso_value, asked, partial(automatic.choose, [field]))[0]
 
 
 def is_labelled(field: Field) -> TypeGuard[RegularField]:

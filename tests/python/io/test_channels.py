@@ -411,6 +411,34 @@ def test_channels_are_groups_of_their_own(tmp_path):
     assert surfaces.rgba[:, :24, 0].max() > 0.5 > surfaces.rgba[:, :24, 1].max()
 
 
+def test_maxima_of_channels_are_added_as_light(tmp_path):
+    path = channels_of_ome_tiff(tmp_path / "a.ome.tif", (0xFF0000FF - 2**32, 0xFF00FFFF - 2**32), blobs())
+    options = {"size": (48, 32), "backend": "reference", "mode": "mip", "camera": ss.api.prepare(path).camera}
+    fields = [one.with_color(one.color, (10, 90)) for one in ss.open(path)]
+    image = ss.render(fields, **options)
+    expected = np.zeros((32, 48, 3))
+    for field in fields:
+        alone = ss.render(field, **options)
+        assert alone.is_scalar
+        expected += np.outer(np.clip((np.nan_to_num(alone.scalar) - 10) / 80, 0, 1), field.color).reshape(32, 48, 3)
+    # Slices are as far apart as those of all channels.
+    np.testing.assert_allclose(image.rgba[..., :3], np.minimum(expected, 1), atol=0.02)
+    assert not image.is_scalar and 0.9 < image.rgba[..., 0].max() <= 1 and set(np.unique(image.rgba[..., 3])) <= {0, 1}
+    image.save(tmp_path / "a.png")
+    recipe = ss.Recipe.read(tmp_path / "a.png")
+    again = [made.kernels_of(one) for made, one in zip(recipe.fields, fields, strict=True)]
+    assert ss.Renderer(backend="reference").render(recipe.scene(again), recipe.camera, size=recipe.size) == image
+    (stage,) = ss.Renderer(backend="reference").progressive(recipe.scene(again), recipe.camera, size=recipe.size)
+    assert stage == image
+    # With a colormap it is the sum, and x-rays are the sum always.
+    assert ss.render(fields, **options, cmap="gray").is_scalar
+    assert ss.render(fields, **{**options, "mode": "xray"}).is_scalar
+    with pytest.raises(ss.Unsupported, match="the light of channels, which is made of several pictures"):
+        ss.render(fields, **options, max_error=0.1)
+    with pytest.raises(ss.Unsupported, match="the error of the light of channels cannot be estimated"):
+        _ = image.error
+
+
 def test_colors_beside_channels_and_labels(tmp_path):
     colored = ss.RegularField(COLORS)
     labelled = ss.open(segmentation(tmp_path / "a.seg.nrrd"))

@@ -41,6 +41,8 @@ _DEFLATE = (8, 32946)
 _SLACK = 4096
 # Axes of a page: rows, columns, and samples of a pixel; the interpretation of these as colours.
 _PAGES, _RGB = ("YX", "YXS", "SYX"), 2
+# What a fourth sample is where it multiplies the others.
+_ASSOCIATED = 1
 # The first element Pixels of OME, one of its attributes, its channels, and the number of a colour.
 _PIXELS = re.compile(r"<(?:\w{1,20}:)?Pixels\s([^>]{0,4000})>")
 _ATTRIBUTE = re.compile(r"""(\w{1,40})\s?=\s?["']([^"']{0,60})["']""")
@@ -120,9 +122,19 @@ def _pages(
         return stacks, told
     (alone,) = [np.moveaxis(values, first.axes.index("S") + 1, 3) for _, values in stacks]
     if told["colored"]:
-        return [(stacks[0][0], alone)], told
+        return [(stacks[0][0], _straight(path, alone) if told["associated"] else alone)], told
     channels = chosen_channels(path, alone.shape[3], told["channels"], name)
     return [(channel, alone[..., at]) for at, channel in channels.items()], told
+
+
+def _straight(path: Path, values: NDArray[Any]) -> NDArray[Any]:
+    """Return colours that are multiplied by their opacity without this factor."""
+    _memory.require(5 * values.size, f"the colours of {path}")
+    made, full = values.copy(), np.iinfo(values.dtype).max
+    for page in made:
+        opacity = np.maximum(page[..., 3:].astype(np.float32), 1.0)
+        page[..., :3] = np.minimum(np.rint(page[..., :3] * (full / opacity)), full)
+    return made
 
 
 def _stack(path: Path, file: Any, numbers: list[int]) -> NDArray[Any]:
@@ -153,6 +165,7 @@ def _told(file: Any) -> dict[str, Any]:
         "channels": list(map(_ome_channel, _CHANNEL.findall(text))) if found else _imagej_channels(imagej),
         "samples": first.samplesperpixel,
         "colored": first.samplesperpixel in (3, 4) and int(first.photometric) == _RGB and first.dtype.kind == "u",
+        "associated": first.samplesperpixel == 4 and _ASSOCIATED in tuple(map(int, first.extrasamples or ())),
         "resolution": [_ratio(first, name) for name in ("XResolution", "YResolution")],
         "unit": int(first.tags.valueof("ResolutionUnit", 1)),
         "geo": {name: first.tags.valueof(code) for code, name in _GEO.items() if code in first.tags},

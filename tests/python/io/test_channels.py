@@ -198,6 +198,17 @@ def test_volumes_of_colors(tmp_path, name):
         )
 
 
+def test_colors_that_are_multiplied_by_opacity(tmp_path):
+    values = COLORS.copy()
+    values[..., 3] = np.maximum(values[..., 3], 100)
+    shares = values[..., 3:] / 255
+    multiplied = np.concatenate([np.rint(values[..., :3] * shares).astype(np.uint8), values[..., 3:]], axis=3)
+    field = ss.open(tiff(tmp_path / "a.tif", multiplied, photometric="rgb", extrasamples=["assocalpha"]))
+    for channel in range(3):
+        found = field.part_of_color(channel).given_values.astype(int)
+        assert np.abs(found - values[..., channel]).max() <= 2
+
+
 def test_places_of_colors(tmp_path):
     turned = np.array([[0, -2.0, 0, 1], [3.0, 0, 0, 2], [0, 0, 4.0, 3], [0, 0, 0, 1]])
     field = ss.open(nifti_of_colors(tmp_path / "a.nii", RGB))

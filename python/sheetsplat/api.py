@@ -87,8 +87,13 @@ def _given(group: type, options: Any) -> dict[str, Any]:
 
 
 @documented(OpenOptions, chooses=True)
-def open(path: Data, **options: Unpack[OpenOptions]) -> RegularField | EllipsoidField:
+def open(
+    path: Data, **options: Unpack[OpenOptions]
+) -> RegularField | EllipsoidField | list[RegularField | EllipsoidField]:
     """Return the field of a file, which may be gzipped, or of data that another library holds.
+
+    Of a file with several channels of which `name` chooses none it is a list of fields, each with the `name` and the
+    `color` of its channel. Volumes of colours and of labels are fields that are `colored`, or have `labels`.
 
     Regular volumes: .npy, .npz, NRRD, MetaImage (.mhd, .mha), NIfTI (.nii, .hdr), DICOM series (a folder, or one of its
     files), TIFF stacks (a file, or a folder of slices), MRC, OpenVDB, NetCDF, VTKHDF images, HDF5 with volumes
@@ -125,15 +130,16 @@ def open(path: Data, **options: Unpack[OpenOptions]) -> RegularField | Ellipsoid
     asked = Asked.of("open", options)
     given = _given(OpenOptions, options)
     weight = given.pop("weight", None)
-    if isinstance(weight, str):
-        return with_own_kernel(_opened(path, options), asked)
-    field = _opened(path, given)
-    return with_own_kernel(field if weight is None else _weighted([field], weight, given)[0], asked)
+    fields = _opened(path, options if isinstance(weight, str) else given)
+    if weight is not None and not isinstance(weight, str):
+        fields = _weighted(fields, weight, given)
+    made = [with_own_kernel(one, asked) for one in fields]
+    return made[0] if len(made) == 1 else made
 
 
-def _opened(path: Any, options: Any) -> RegularField | EllipsoidField:
-    """Return the field of a file or another library's data with the kernels that were given, or plain ones."""
-    from sheetsplat.io.opening import open_field
+def _opened(path: Any, options: Any) -> list[RegularField | EllipsoidField]:
+    """Return the fields of a file or another library's data with the kernels that were given, or plain ones."""
+    from sheetsplat.io.opening import open_fields
 
     given = _given(OpenOptions, options)
     if "shape" in given:
@@ -144,11 +150,10 @@ def _opened(path: Any, options: Any) -> RegularField | EllipsoidField:
     if kind is not None:
         from sheetsplat.io.objects import field_of_object
 
-        return field_of_object(path, kind, given)
+        return [field_of_object(path, kind, given)]
     if isinstance(path, np.ndarray) or _is_list(path):
-        made: RegularField = _of_array("open", path, given)
-        return made
-    return open_field(path, given)
+        return [_of_array("open", path, given)]
+    return open_fields(path, given)
 
 
 def _is_list(data: object) -> bool:
@@ -231,7 +236,7 @@ def _fields_of(data: Any, given: dict[str, Any]) -> list[Field]:
     if callable(maker):
         data = maker()
     if isinstance(data, str | os.PathLike) or kind_of_object(data) is not None:
-        return [_opened(data, given)]
+        return [*_opened(data, given)]
     # Readers are not needed before.
     from sheetsplat.io.common_world import in_one_world
 

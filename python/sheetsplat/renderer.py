@@ -24,6 +24,7 @@ from sheetsplat.fields import any_in_bricks
 from sheetsplat.image import ErrorEstimate, Image, image_of
 from sheetsplat.limits import Depths, checked_depths
 from sheetsplat.look import empty
+from sheetsplat.look.channel_light import channels_of, light_of
 from sheetsplat.look.weighted import mean_of
 from sheetsplat.notices import is_muted, muted, warn
 from sheetsplat.options.core import checked, definitions, documented, filled
@@ -342,8 +343,8 @@ class Renderer:
         view = _View.of(scene, camera, size, outputs, depth_limit)
         check_progress("Renderer", progress)
         began = time.perf_counter()
-        if scene.sums is not None:
-            return self._weighted_mean(scene.sums, view, progress, began)
+        if (whole := self._of_several(view, progress, began)) is not None:
+            return whole
         with counting_samples(view.samples):
             self._warn_of_time(view)
             native = self.native.render(**view.native(), progress=progress)
@@ -386,8 +387,8 @@ class Renderer:
         view = _View.of(scene, camera, size, outputs, depth_limit)
         check_progress("Renderer", progress)
         seconds = number("Renderer: first_seconds", first_seconds)
-        if scene.sums is not None:
-            return self._one_stage(scene.sums, view, progress)
+        if scene.sums is not None or channels_of(scene):
+            return self._one_stage(view, progress)
         with counting_samples(view.samples):
             stages = self.native.begin_stages(**view.native(), first_seconds=seconds)
         return self._stages(stages, view, progress)
@@ -399,44 +400,55 @@ class Renderer:
                 native = self.native.next_stage(stages, progress=progress)
             yield self._finished(native, view, began)
 
-    def _one_stage(self, sums: tuple[Scene, Scene], view: _View, progress: Progress | None) -> Iterator[Image]:
-        yield self._weighted_mean(sums, view, progress, time.perf_counter())
+    def _one_stage(self, view: _View, progress: Progress | None) -> Iterator[Image]:
+        found = self._of_several(view, progress, time.perf_counter())
+        assert found is not None
+        yield found
 
-    def _weighted_mean(self, sums: tuple[Scene, Scene], view: _View, progress: Progress | None, began: float) -> Image:
-        """Return the quotient of two x-rays, of the product and of the weight."""
+    def _of_several(self, view: _View, progress: Progress | None, began: float) -> Image | None:
+        """Return a picture that is made of several: a weighted mean, or the light of channels; None for all others."""
+        sums, channels = view.scene.sums, channels_of(view.scene)
+        scenes = sums or channels
+        if not scenes:
+            return None
+        what = "a weighted mean" if sums else "the light of channels"
         for goal in ("max_error", "max_seconds"):
             if self._settings[goal] is not None:
-                found, wanted = "a weighted mean, which is made of two pictures", "a quality"
+                found, wanted = f"{what}, which is made of several pictures", "a quality"
                 raise complain(unusable(f"Renderer: {goal}"), found, wanted, option=goal, kind=Unsupported)
 
-        def half(number: int) -> Progress | None:
-            return None if progress is None else lambda share: progress(0.5 * (number + share))
+        def part(number: int) -> Progress | None:
+            return None if progress is None else lambda share: progress((number + share) / len(scenes))
 
-        views = [view._replace(scene=one) for one in sums]
+        views = [view._replace(scene=one) for one in scenes]
         with counting_samples(view.samples):
             self._warn_of_time(views[1])
-            drawn = [self.native.render(**one.native(), progress=half(n)) for n, one in enumerate(views)]
-            product, weight = (averaged(one, view.samples) for one in drawn)
+            drawn = [self.native.render(**one.native(), progress=part(n)) for n, one in enumerate(views)]
+            arrays = [averaged(one, view.samples) for one in drawn]
 
         def estimate(progress: Progress | None) -> ErrorEstimate:
-            what = "the error of a weighted mean cannot be estimated"
-            raise complain(what, "a quotient of two pictures", "a picture of one sum", kind=Unsupported)
+            failed = f"the error of {what} cannot be estimated"
+            raise complain(failed, "several pictures in one", "a picture of one sum", kind=Unsupported)
 
-        scene, native = view.scene, drawn[1]
+        scene, native, (first, second) = view.scene, drawn[1], arrays[:2]
         plan = RenderPlan.of_native(native.plan, scene.notes, scene.quality, view.samples)
         expected = {"stage": 1.0, "stages": 1.0, "estimated_rmse": plan.expected_error}
+        scalars: Any = [one.scalar for one in arrays]
+        coverages = [one.coverage for one in arrays if one.coverage is not None]
         image = image_of(
             self._recipe(native, view),
             plan,
             {**native.stats, **expected, "seconds_total": time.perf_counter() - began},
-            scalar=mean_of(product.scalar, weight.scalar, scene.fields[0].value_range),
-            coverage=weight.coverage,
+            rgba=None if sums else light_of(channels, scalars),
+            scalar=mean_of(first.scalar, second.scalar, scene.fields[0].value_range) if sums else None,
+            coverage=second.coverage if sums or not coverages else sum(coverages[1:], coverages[0]),
             depth_limit=view.depth_limit,
             scene=scene,
             estimate=estimate,
         )
         empty.warn_of_unseen(image, scene)
-        warn_of_lost(views[1].scene, view.camera, view.size)
+        if sums:
+            warn_of_lost(views[1].scene, view.camera, view.size)
         return image
 
     def _finished(self, native: _sheetsplat.Image, view: _View, began: float) -> Image:

@@ -420,7 +420,7 @@ def _raw(reader: str, *, behind_header: bool = False) -> Callable[..., BrickSour
     def locate(source: Source, text: str, options: Mapping[str, Any]) -> BrickSource:
         read = pkgutil.resolve_name("sheetsplat.io." + reader)
         if behind_header:
-            return _stored(text, read(source, located=True), source.path)
+            return _stored(text, read(source), source.path)
         return _stored(text, read(source, **options))
 
     return locate
@@ -430,8 +430,8 @@ def _raw(reader: str, *, behind_header: bool = False) -> Callable[..., BrickSour
 _LOCATED: Mapping[str, tuple[Callable[..., BrickSource], tuple[str, ...]]] = {
     "raw": (_raw("raw:locate"), ("shape", "dtype", "offset")),
     "npy": (_raw("numpy_files:locate"), ()),
-    "nrrd": (_raw("nrrd_files:read", behind_header=True), ()),
-    "metaimage": (_raw("metaimage:read", behind_header=True), ()),
+    "nrrd": (_raw("nrrd_files:locate", behind_header=True), ()),
+    "metaimage": (_raw("metaimage:locate", behind_header=True), ()),
     "hdf5 volume": (_by_reader("hdf5_volumes:locate"), ("name", "scalar", "step")),
     "zarr": (_zarr, ("name", "scalar", "step")),
     "netcdf": (_by_reader("netcdf:locate"), ("name", "scalar", "step")),

@@ -17,6 +17,7 @@ from sheetsplat.fields import EllipsoidField, Field, RegularField, joined_bounds
 from sheetsplat.labels import LabelColors
 from sheetsplat.light import Light, Material
 from sheetsplat.look import automatic
+from sheetsplat.look.channel_light import adds_light
 from sheetsplat.look.histogram import Look
 from sheetsplat.look.strays import COARSE, kernel_spacing
 from sheetsplat.look.surface import range_of, surface_limits
@@ -45,9 +46,9 @@ _SAY_WHAT_IS_MEANT = ("transfer_function", "opacity", "clim", "iso_value", "scal
 # One light over the viewer's left shoulder; with the specular share it shows the shape of smooth surfaces.
 HEAD_LIGHT = Light(direction=(-0.3, 0.4, 1.0))
 SHINY = Material(ambient=0.3, diffuse=0.85, specular=0.3, shininess=24.0, two_sided=True)
-# Scalar modes do not use it, but a scene has one.
 # Of volumes of colours: as opaque as they say.
 _IDENTITY = TransferFunction([(0.0, 0.0, 0.0, 0.0, 0.0), (1.0, 1.0, 1.0, 1.0, 1.0)])
+# Scalar modes do not use it, but a scene has one.
 _COLORLESS = TransferFunction([(0.0, 1.0, 1.0, 1.0, 0.0), (1.0, 1.0, 1.0, 1.0, 1.0)])
 
 
@@ -57,7 +58,7 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
     Parameters
     ----------
     fields
-        What is shown.
+        What is shown: labels, colours and channels as groups of their own, the sum of all others as one.
     spacing_is_free
         The distance of slices is left to a renderer that has an error or a time to keep; otherwise it is chosen for
         scattered fields and isosurfaces.
@@ -67,22 +68,27 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
     check_names("render", options, LookOptions)
     given = pick_given(SceneOptions, options)
     mode = given.get("mode", MODES[0])
-    named = [one for one in fields if is_labelled(one)]
-    measures = [one for one in fields if not is_labelled(one)]
-    chosen = cache(partial(automatic.choose, measures))
-    if mode in SURFACES and (measures or not named):
+    free = options.get("transfer_function") is None
+    light = adds_light(fields, mode, options)
+    own_look = [free and (light or _has_own_look(one, mode, options)) for one in fields]
+    apart: Any = [one for one, own in zip(fields, own_look, strict=True) if own]
+    measures = [one for one, own in zip(fields, own_look, strict=True) if not own]
+    values = [one for one in fields if not is_labelled(one)]
+    chosen = cache(partial(automatic.choose, values))
+    if mode in SURFACES and values:
         # An iterator can be read once.
         iso = given.get("iso_value")
         given["iso_value"] = chosen().surface if iso is None else iso_value_of("render: iso_value", iso)
     shown: Any = list(fields)
     function: Any
-    if len(fields) == 1 and options.get("transfer_function") is None and is_colored(fields[0]) and mode in COLORED:
-        function, look = _IDENTITY, None
-    elif named and options.get("transfer_function") is None:
-        function, look = [LabelColors.distinct(one.labels_found) for one in named], None
+    look: Look | None = None
+    if apart:
+        iso = given.get("iso_value")
+        function = [_own_look(one, mode, iso, options) for one in apart]
         if measures:
-            own, look = _transfer_function(measures, mode, given.get("iso_value"), options, chosen)
-            function, shown = [own, *function], [measures, *named]
+            of_measures = cache(partial(automatic.choose, measures))
+            of_sum, look = _transfer_function(measures, mode, iso, options, of_measures)
+            function, shown = [of_sum, *function], [measures, *apart]
     else:
         function, look = _transfer_function(fields, mode, given.get("iso_value"), options, chosen)
     chooses_spacing = not spacing_is_free and "slice_spacing" not in given
@@ -99,7 +105,7 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
     given.setdefault("material", SHINY)
     if given.get("ambient_occlusion") is True:
         given["ambient_occlusion"] = AmbientOcclusion(_surroundings(fields))
-    scene = Scene.sketched(shown, function, given, _coloring(options, len(shown) if shown is not fields else 1))
+    scene = Scene.sketched(shown, function, given, _coloring(options, len(function) if apart else 1))
     if chooses_spacing:
         _warn_of_strays(scene)
     if all(options.get(name) is None for name in _SAY_WHAT_IS_MEANT):
@@ -127,6 +133,35 @@ def _coloring(options: Mapping[str, Any], groups: int) -> Any:
 def is_colored(field: Field) -> bool:
     """Return whether a field's samples are colours."""
     return isinstance(field, RegularField) and field.colored
+
+
+def is_channel(field: Field) -> TypeGuard[RegularField]:
+    """Return whether a field has a colour of its own, in which it is shown beside others."""
+    return isinstance(field, RegularField) and field.color is not None
+
+
+def _has_own_look(field: Field, mode: str, options: Mapping[str, Any]) -> bool:
+    """Return whether a field is a group of its own: labels, and in pictures of colours colours and channels."""
+    channel = is_channel(field) and options.get("cmap") is None
+    return is_labelled(field) or mode in COLORED and (is_colored(field) or channel)
+
+
+def _own_look(field: Field, mode: str, iso_value: Any, options: Mapping[str, Any]) -> TransferFunction:
+    """Return the transfer function of a field that is a group of its own."""
+    if is_labelled(field):
+        distinct, stated = LabelColors.distinct(field.labels_found), field.label_colors
+        if stated is None:
+            return distinct
+        return LabelColors({**distinct.colors, **stated.colors}, stated.names, stated.background)
+    if is_colored(field):
+        return _IDENTITY
+    assert isinstance(field, RegularField)
+    # Surfaces have the colour itself.
+    own = {"cmap": [field.color if mode in SURFACES else (0.0, 0.0, 0.0), field.color], "clim": field.window}
+    asked = {**own, **pick_given(LookOptions, options)}
+    # Of the light of channels the limits are those of a picture of colours.
+    seen = mode if mode in COLORED else MODES[0]
+    return _transfer_function([field], seen, iso_value, asked, partial(automatic.choose, [field]))[0]
 
 
 def is_labelled(field: Field) -> TypeGuard[RegularField]:

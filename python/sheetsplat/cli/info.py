@@ -175,8 +175,9 @@ def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
         told = {"points": len(data.points), "scalar": data.scalar, "scalars": list(data.scalars)}
         what = {"file": str(path), "format": data.format, **told, "details": data.details}
         return {**what, **describe(field, bins, options["log"])}
-    volume = read_regular(path, given)
-    samples = as_samples(volume.values)
+    # Of several channels the numbers are those of the first one.
+    volume, *others = read_regular(path, given)
+    samples = as_samples(volume.values if volume.values.ndim == 3 else RegularField(volume.values).values)
     lattice: Lattice = options["lattice"] or "cartesian"
     # A field of one sample checks where samples lie without a copy of all of them.
     placed = RegularField(np.zeros_like(samples[:1, :1, :1]), lattice=lattice, **placement(volume, given))
@@ -186,6 +187,9 @@ def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
         "format": volume.format,
         "samples": list(samples.shape[::-1]),
         "type": str(volume.values.dtype.name),
+        **({"channels": [one.channel.name for one in (volume, *others)]} if others else {}),
+        **({"colors": volume.values.shape[3]} if volume.values.ndim > 3 else {}),
+        **({} if isinstance(volume.labels, bool) else {"labels": list(volume.labels.names.values())}),
         "kept_as": samples.dtype.name,
         "lattice": lattice,
         "spacing": list(placed.spacing),
@@ -212,8 +216,16 @@ def _listed(numbers: Iterable[float]) -> str:
 
 
 def _regular_rows(report: dict[str, Any]) -> list[tuple[str, str]]:
+    colors = {3: ", red, green, blue", 4: ", red, green, blue, opacity"}[report["colors"]] if "colors" in report else ""
+    channels = report.get("channels", ())
     return [
-        ("samples", " x ".join(map(str, report["samples"])) + f" (x, y, z), {report['type']}"),
+        ("samples", " x ".join(map(str, report["samples"])) + f" (x, y, z), {report['type']}{colors}"),
+        *(
+            [("channels", f"{', '.join(channels)}; what follows is of the first: choose with --name")]
+            if channels
+            else []
+        ),
+        *([("labels", ", ".join(report["labels"]))] if report.get("labels") else []),
         ("lattice", report["lattice"]),
         ("spacing", f"{_listed(report['spacing'])} {report['length_unit']}".rstrip()),
         ("origin", _listed(report["origin"])),

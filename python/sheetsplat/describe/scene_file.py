@@ -30,7 +30,7 @@ from sheetsplat.describe.schema import (
 )
 from sheetsplat.describe.toml import Place, depth, document, lines_of_keys
 from sheetsplat.errors import Error, complain, unusable
-from sheetsplat.fields import Field
+from sheetsplat.fields import Field, as_fields
 from sheetsplat.image import Image
 from sheetsplat.io.pictures import whole_file
 from sheetsplat.options.camera import CameraOptions
@@ -457,8 +457,9 @@ class SceneFile:
             made = isinstance(sources[0], Field | Scene)
             return sources[0], options | {name: one for name, one in opened[0].items() if not made or name in changes}
         fields = [
-            one if isinstance(one, Field) else api.open(one, **given, **quality)
+            field
             for one, given in zip(sources, opened, strict=True)
+            for field in ([one] if isinstance(one, Field) else as_fields(api.open(one, **given, **quality), "the data"))
         ]
         return fields, options
 

@@ -83,6 +83,7 @@ class Field(ABC):
         "native.default_slice_spacing", "Default distance of slices in scenes, world units. Conventions, section 3."
     )
     quantity = Forwarded[Quantity]("_quantity", "What scalar and lengths are, for figures.")
+    name = Forwarded[str]("_quantity.name", "What the scalar is called, that of `quantity`; of a channel its label.")
     opened = Forwarded[Mapping[str, Any]](
         "_opened", "The options of `sheetsplat.open` that made it, without paths; empty for fields of arrays."
     )

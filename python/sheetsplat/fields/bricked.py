@@ -14,6 +14,7 @@ from sheetsplat.fields import ending
 from sheetsplat.fields.base import NOT_OPENED
 from sheetsplat.fields.regular import BOUNDARIES, PARTS, RegularField, one_place
 from sheetsplat.fields.samples import Samples
+from sheetsplat.fields.stated import Stated
 from sheetsplat.fields.trim import Trim
 from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Quantity
@@ -137,7 +138,7 @@ class BrickedField(RegularField):
         axes: Any = None,
     ) -> None:
         self._quantity, self._opened, self._orientation = source.quantity, NOT_OPENED, source.orientation
-        self._trim, self._prober, self._weighting = Trim(), None, None
+        self._trim, self._prober, self._weighting, self._stated = Trim(), None, None, Stated()
         self._labels, self._colors, self._parts_made = False, None, {}
         self._place(axes, spacing)
         self._origin = triple("open_bricks: origin", origin)
@@ -183,7 +184,7 @@ class BrickedField(RegularField):
 
     def _restore(self, parts: dict[str, Any]) -> None:
         # What reads bricks for values at points belongs to the process that opened them.
-        self._prober = None
+        self._prober, self._stated, self._parts_made = None, Stated(), {}
         for name in (*PARTS, "_prefilter", "_condition"):
             setattr(self, name, parts[name])
         self._set(parts["source"], parts["survey"], parts["brick"])
@@ -192,8 +193,7 @@ class BrickedField(RegularField):
         """Return a field of the same samples with some options changed; other samples are refused."""
         if values is not None:
             self._refuse("other samples")
-        own = (name for name in PARTS if name not in ("_labels", "_colors"))
-        options = {name.removeprefix("_"): getattr(self, name) for name in own}
+        options = {name.removeprefix("_"): getattr(self, name) for name in PARTS if name not in ("_labels", "_colors")}
         options["prefilter"] = self.prefilter if options.pop("settled") else None
         if self.prefilter:
             # The one that it set itself.

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat.errors import complain, option_ref
+from sheetsplat.notices import warn
 
 #: Most labels that are told apart in one field.
 MOST_LABELS = 256
@@ -71,9 +72,9 @@ def split_colors(values: Any) -> tuple[Any, NDArray[Any] | None]:
     if outside:
         raise complain(
             "RegularField: colours cannot be used",
-            f"{values.shape[-1]} components, {values.dtype}, from {values.min():g} to {values.max():g}",
+            f"{values.shape[-1]} components of type {values.dtype}, from {values.min():g} to {values.max():g}",
             "uint8, uint16, or numbers from 0 to 1",
-            "choose one component, values[..., 0], or scale them",
+            "choose one component, or divide by the largest",
         )
     _memory.require(4 * values[..., 0].size * 2, "the opacities of colours")
     full = float(np.iinfo(values.dtype).max) if integers else 1.0
@@ -91,12 +92,18 @@ def split_colors(values: Any) -> tuple[Any, NDArray[Any] | None]:
 _LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 
-def with_labels(values: Any, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return options of a volume that say whether its samples are labels, where nobody said and they look like that."""
+def with_labels(values: Any, options: Mapping[str, Any], *, stated: bool = False) -> dict[str, Any]:
+    """Return options of a volume that say whether its samples are labels, where nobody said.
+
+    They are where their file states it, or where they look like that.
+    """
     given = {name: one for name, one in options.items() if name != "labels" or one is not None}
     open_ = not given.keys() & {"labels", "normalization", "w0", "prefilter", "base", "radius", "falloff"}
     samples = isinstance(values, np.ndarray) and values.ndim == 3 and values.size > 0 and values.dtype.kind in "iuf"
-    return {**given, "labels": True} if open_ and samples and look_like_labels(values) else given
+    if open_ and samples and stated and values.dtype.kind == "f" and not np.array_equal(values, np.round(values)):
+        warn("the file states labels, but has numbers that are not whole: they are shown as values")
+        stated = open_ = False
+    return {**given, "labels": True} if open_ and samples and (stated or look_like_labels(values)) else given
 
 
 def look_like_labels(values: NDArray[Any]) -> bool:

@@ -16,6 +16,7 @@ from sheetsplat.errors import complain
 from sheetsplat.fields import ending, labelled
 from sheetsplat.fields.base import NOT_OPENED, Field, NanPolicy, Normalization
 from sheetsplat.fields.samples import ArraySamples, Samples
+from sheetsplat.fields.stated import Stated, Stating
 from sheetsplat.fields.trim import Trim
 from sheetsplat.quantity import Quantity
 
@@ -138,7 +139,7 @@ def _axes_of(axes: ArrayLike, spacing: Vector | None) -> tuple[Triple, Triple, T
     return i, j, k
 
 
-class RegularField(Field):
+class RegularField(Stating, Field):
     """A Cartesian or body-centred cubic volume. Immutable.
 
     Sample (i, j, k) of ``values[k, j, i]`` is a kernel at ``origin + (i dx, j dy, k dz)`` (Cartesian) or at
@@ -209,7 +210,7 @@ class RegularField(Field):
 
     __slots__ = (
         *("_axes", "_base", "_boundary", "_colors", "_labels", "_lattice", "_nan", "_origin", "_parts_made"),
-        *("_radius", "_settled", "_spacing"),
+        *("_radius", "_settled", "_spacing", "_stated"),
     )
     native: _sheetsplat.RegularField
 
@@ -232,7 +233,7 @@ class RegularField(Field):
         labels: bool = False,
     ) -> None:
         self._quantity, self._opened, self._orientation, self._trim = Quantity(), NOT_OPENED, None, Trim()
-        self._weighting = None
+        self._weighting, self._stated = None, Stated()
         self._place(axes, spacing)
         self._origin = triple("RegularField: origin", origin)
         self._lattice = choice("RegularField: lattice", lattice, ("cartesian", "bcc"))
@@ -308,10 +309,11 @@ class RegularField(Field):
             "coefficients": self.coefficients if self.prefilter else None,
             "figures": self.native.prefilter_figures,
             "base": self.native.base,
+            "stated": self._stated,
         }
 
     def _restore(self, parts: dict[str, Any]) -> None:
-        self._parts_made = {}
+        self._parts_made, self._stated = {}, parts["stated"]
         for name in PARTS:
             setattr(self, name, parts[name])
         self.native = self._made(
@@ -347,7 +349,7 @@ class RegularField(Field):
 
     def _told_by(self, other: RegularField) -> Self:
         """Return the same field with what another one of its samples says about them."""
-        same = {name: getattr(other, name) for name in ("_opened", "_orientation", "_trim")}
+        same = {name: getattr(other, name) for name in ("_opened", "_orientation", "_trim", "_stated")}
         told = self._with(**same, _weighting=other._weighting_of(self.shape))
         return told.with_quantity_of_samples(other._quantity, other.spacing, other.origin, other.lattice)
 

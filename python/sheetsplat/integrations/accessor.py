@@ -27,6 +27,8 @@ class Accessor:
         """Return a picture of the data: `sheetsplat.render` with the same options and errors."""
         return api.render(self._data, **options)
 
-    def field(self, **options: Unpack[OpenOptions]) -> RegularField | EllipsoidField:
+    def field(
+        self, **options: Unpack[OpenOptions]
+    ) -> RegularField | EllipsoidField | list[RegularField | EllipsoidField]:
         """Return the field of the data: `sheetsplat.open` with the same options and errors."""
         return api.open(self._data, **options)

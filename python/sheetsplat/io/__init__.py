@@ -7,11 +7,12 @@ by what the header says. `formats` lists the formats; `opening` reads files of a
 from sheetsplat.io.formats import Format
 from sheetsplat.io.kernels import field_of
 from sheetsplat.io.opening import read_scattered, read_volume
-from sheetsplat.io.records import Packing, Scattered, Volume
+from sheetsplat.io.records import Channel, Packing, Scattered, Volume
 from sheetsplat.io.source import Folder, Source
 from sheetsplat.io.tables import save_npz
 
 __all__ = [
+    "Channel",
     "Folder",
     "Format",
     "Packing",

@@ -89,7 +89,7 @@ def placed(where: Where, volume: Volume) -> Volume:
         return volume
     if not np.all(np.isfinite(volume.origin)):
         raise unreadable(where, f"the first sample at {shown(list(volume.origin))}", "three finite numbers")
-    steps, counts = np.asarray(volume.axes, dtype=np.float64), np.asarray(volume.values.shape[::-1])
+    steps, counts = np.asarray(volume.axes, dtype=np.float64), np.asarray(volume.values.shape[2::-1])
     # (Without squares, which leave the range of numbers.)
     lengths = np.hypot.reduce(steps, axis=1) if steps.shape == (3, 3) else np.zeros(3)
     usable = bool(np.all(np.isfinite(lengths)) and np.all(lengths > 0))
@@ -104,7 +104,8 @@ def placed(where: Where, volume: Volume) -> Volume:
         _log.info("%s: %s", where, directions(steps))
         return replace(volume, axes=steps, spacing=triple("spacing", lengths))
     axis_of = np.argsort(order)
-    values = volume.values.transpose([2 - axis_of[2], 2 - axis_of[1], 2 - axis_of[0]])
+    order_of = [2 - axis_of[2], 2 - axis_of[1], 2 - axis_of[0], *range(3, volume.values.ndim)]
+    values = volume.values.transpose(order_of)
     first, spacing = np.array(volume.origin), np.ones(3)
     for axis in range(3):
         step = plain[axis_of[axis], axis]
@@ -307,11 +308,11 @@ def _interpolated(where: Where, values: NDArray[Any], along: int, old: Floats, n
 
 
 def tell_units(quantity: Quantity, shape: Sequence[int], spacing: Triple) -> None:
-    """Warn of axes x, y, z of different units whose lengths in the picture nobody has chosen; shape is (nk, nj, ni)."""
+    """Warn of axes x, y, z of different units whose lengths nobody has chosen; the shape begins with nk, nj, ni."""
     if quantity.length_unit:
         return
     axes: Sequence[Axis] = quantity.axes
-    lengths = [max(count - 1, 1) * step for count, step in zip(reversed(shape), spacing, strict=True)]
+    lengths = [max(count - 1, 1) * step for count, step in zip(shape[2::-1], spacing, strict=True)]
     if len({one.unit for one in axes if one.unit}) > 1 and max(lengths) > _FLAT * min(lengths):
         sides = ", ".join(f"{one.name} {side:g} {one.unit}" for one, side in zip(axes, lengths, strict=True))
         notices.warn(f"the axes have different units ({sides}); pass " + option_ref("spacing", "...")

@@ -42,19 +42,6 @@ def chosen_step(path: Where, count: int, step: int | None) -> int:
     return step or 0
 
 
-def chosen_channel(path: Path, count: int, labels: Sequence[object], name: str | None) -> int:
-    """Return the number of the channel that is asked for by label or number, else of the only one."""
-    if name is None and count == 1:
-        return 0
-    names = [(printable(labels[at]) if at < len(labels) else "") or str(at) for at in range(min(count, 1000))]
-    if name in names:
-        return names.index(name)
-    if name is not None and name.isascii() and name.isdigit() and len(name) < 9 and int(name) < count:
-        return int(name)
-    advice = "pass " + option_ref("name", "...") + ", its label or its number"
-    raise unreadable(path, f"{count} channels: {listed(names)}", "one of them", advice, option="name")
-
-
 def sides(shape: Sequence[int]) -> str:
     """Return sizes for a message."""
     return " x ".join(map(str, shape))

@@ -33,9 +33,9 @@ def _turned(field: Field, world: Orientation) -> Field:
     turn = own.turn_to(world)
     if np.array_equal(turn, np.eye(3)):
         return field
-    if not isinstance(field, RegularField) or field.lattice != "cartesian":
+    if not isinstance(field, RegularField) or field.lattice != "cartesian" or field.colored:
         notices.warn("the data are turned against each other: their files have other axes of the world, and only "
-                     "Cartesian volumes in memory can be turned")  # fmt: skip
+                     "Cartesian volumes in memory, of values or labels, can be turned")  # fmt: skip
         return field
     origin = triple("origin", np.asarray(field.origin) @ turn)
     volume = placed("the volume", Volume(field.values, origin=origin, axes=field.steps @ turn))

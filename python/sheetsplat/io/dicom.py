@@ -16,6 +16,7 @@ from sheetsplat import _memory
 from sheetsplat._checks import shown, triple
 from sheetsplat.errors import Unsupported, complain, option_ref
 from sheetsplat.io.checks import Where, checked_shape, chosen_step, floats, listed, printable, unreadable
+from sheetsplat.io.dicom_segments import is_segmentation, labels_of, planes_of, stated_colors
 from sheetsplat.io.formats import is_dicom
 from sheetsplat.io.records import Floats, Packing, Volume
 from sheetsplat.io.source import Folder, Source
@@ -346,7 +347,8 @@ def _found(source: Source | Folder, name: str | None) -> tuple[list[list[_Slice]
     if not slices:
         found = "pictures without positions"
         raise unreadable(where, found, "slices with ImagePositionPatient and ImageOrientationPatient")
-    return _steps_of(slices), headers[slices[0].file]
+    header = headers[slices[0].file]
+    return [slices] if is_segmentation(header) else _steps_of(slices), header
 
 
 def count_steps(source: Source | Folder, name: str | None = None) -> int:
@@ -377,6 +379,8 @@ def read(source: Source | Folder, name: str | None = None, step: int | None = No
     """
     where = source.path
     steps, header = _found(source, name)
+    if is_segmentation(header):
+        return _segmentation(where, steps[0], header)
     slices, step_between = _ordered(where, steps[chosen_step(where, len(steps), step)])
     _log.info("%s: %d slices of series %s", where, len(slices), _word(header, "SeriesNumber") or "without a number")
     values, packing = _pixels(where, slices, header)
@@ -394,6 +398,30 @@ def read(source: Source | Folder, name: str | None = None, step: int | None = No
         orientation=PATIENT,
         axes=np.stack([first.rows * first.pixel[0], first.columns * first.pixel[1], step_between]),
         packing=packing,
+    )
+
+
+def _segmentation(where: Where, slices: list[_Slice], header: Any) -> Volume:
+    """Return the labels of a segmentation, which is one file."""
+    first = slices[0]
+    if any(one.file != first.file for one in slices):
+        raise unreadable(where, "a segmentation in several files", "one file", "choose one of its files")
+    turns = np.array([(one.rows, one.columns) for one in slices]) - (first.rows, first.columns)
+    if np.abs(turns).max() > _TURNED:
+        raise unreadable(where, "frames that are turned against each other", "parallel slices")
+    heights = np.array([one.place for one in slices]) @ first.normal
+    planes, gap = planes_of(where, heights)
+    frames = _frames(first.file, _data(first.file), int(header["Rows"].value), int(header["Columns"].value))
+    lowest = slices[int(np.argmin(heights))]
+    return Volume(
+        labels_of(where, header, frames, planes),
+        origin=triple("ImagePositionPatient", lowest.place),
+        format="dicom",
+        details={"content": text} if (text := _word(header, "SeriesDescription")) else {},
+        quantity=Quantity("segment", "", "mm"),
+        orientation=PATIENT,
+        axes=np.stack([first.rows * first.pixel[0], first.columns * first.pixel[1], first.normal * gap]),
+        labels=stated_colors(where, header),
     )
 
 

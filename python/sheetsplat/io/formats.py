@@ -51,7 +51,7 @@ class Format:
         Short name.
     reader
         "module:function", imported when a file is read. The function takes a `Source`, or a `Folder`, and `options`,
-        and returns a `Volume`, or `Scattered` for scattered data.
+        and returns a `Volume`, a list of these, its channels, or `Scattered` for scattered data.
     recognizes
         Whether a file is of this format, by its first bytes or its suffix.
     recognizes_folder
@@ -263,11 +263,12 @@ def _volume(
 _scattered = functools.partial(_volume, scattered=True)
 # The first format that recognizes a file is used.
 FORMATS: tuple[Format, ...] = (
-    _volume("npy", "numpy_files:read_npy", ".npy", _begins(b"\x93NUMPY"), beats_raw=True),
+    _volume("npy", "numpy_files:read_npy", ".npy", _begins(b"\x93NUMPY"), "name", beats_raw=True),
     _volume("npz", "numpy_files:read_npz", ".npz", _begins(*_ZIP), "name", beats_raw=True),
-    _volume("nrrd", "nrrd_files:read", "NRRD", _begins(b"NRRD"), beats_raw=True),
-    _volume("metaimage", "metaimage:read", "MetaImage (.mhd, .mha)", _is_metaimage, beats_raw=True),
-    _volume("nifti", "nifti:read", "NIfTI (.nii, .hdr)", _is_nifti, "step", beats_raw=True, steps="nifti:count_steps"),
+    _volume("nrrd", "nrrd_files:read", "NRRD", _begins(b"NRRD"), "name", beats_raw=True),
+    _volume("metaimage", "metaimage:read", "MetaImage (.mhd, .mha)", _is_metaimage, "name", beats_raw=True),
+    _volume("nifti", "nifti:read", "NIfTI (.nii, .hdr)", _is_nifti, "name", "step",
+            beats_raw=True, steps="nifti:count_steps"),
     _volume("dicom", "dicom:read", "DICOM series (a folder, or one of its files)", is_dicom, "name", "step",
             beats_raw=True, recognizes_folder=_some(is_dicom), steps="dicom:count_steps"),
     _volume("tiff", "tiff:read", "TIFF stacks (a file, or a folder of slices)", _is_tiff, "name", "step",

@@ -17,6 +17,7 @@ import numpy as np
 from sheetsplat import notices
 from sheetsplat._checks import triple
 from sheetsplat.io.axes import in_body
+from sheetsplat.io.channels import split
 from sheetsplat.io.checks import beside, checked_shape, floats, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
@@ -75,15 +76,15 @@ def _dtype(path: Path, fields: dict[str, str]) -> np.dtype[Any]:
     return np.dtype((">" if big else "<") + _TYPES[name])
 
 
-def _check_supported(path: Path, fields: dict[str, str]) -> None:
-    for name, default, wanted, advice in (
-        ("NDims", "(none)", "3", "choose one time step, and write it to a file of its own"),
-        ("ElementNumberOfChannels", "1", "1", "choose one channel, and write it to a file of its own"),
-    ):
-        if fields.get(name, default) != wanted:
-            raise unreadable(path, f"{name} = {fields.get(name, default)}", wanted, advice)
+def _check_supported(path: Path, fields: dict[str, str]) -> int:
+    """Return the number of channels; InvalidInput for other than three axes, and for samples as text."""
+    if fields.get("NDims") != "3":
+        advice = "choose one time step, and write it to a file of its own"
+        raise unreadable(path, f"NDims = {fields.get('NDims', '(none)')}", "3", advice)
     if not _truth(path, fields, "BinaryData", default="True"):
         raise unreadable(path, "BinaryData = False", "binary samples", "convert the file to binary samples")
+    (count,) = checked_shape(path, [fields.get("ElementNumberOfChannels", "1")], "ElementNumberOfChannels")
+    return count
 
 
 def _in_body(volume: Volume, fields: dict[str, str], *, turned: bool) -> Volume:
@@ -99,14 +100,26 @@ def _in_body(volume: Volume, fields: dict[str, str], *, turned: bool) -> Volume:
     return in_body(volume, letters)
 
 
-def read(source: Source, *, located: bool = False) -> Volume:
-    """Read a MetaImage volume with three axes; the fastest is x. Samples are raw or packed by zlib.
+def read(source: Source, name: str | None = None) -> list[Volume]:
+    """Read the channels of a MetaImage volume with three axes, or the one of a number; the fastest axis is x.
 
-    `located`: the values of the volume are `StoredSamples`, which are not read yet; Unsupported unless they are raw.
+    Samples are raw or packed by zlib; those of several channels follow each other at each place.
     """
+    volume = _read(source, located=False)
+    return split(source.path, volume, 3 if volume.values.ndim > 3 else None, name=name)
+
+
+def locate(source: Source) -> Volume:
+    """Return what `read` reads of one channel; its values are `StoredSamples`, Unsupported unless they are raw."""
+    return _read(source, located=True)
+
+
+def _read(source: Source, *, located: bool) -> Volume:
     path = source.path
     fields, length = _header(source)
-    _check_supported(path, fields)
+    channels = _check_supported(path, fields)
+    if located and channels > 1:
+        raise unreadable(path, f"{channels} channels", "one, of volumes in bricks", "write each to a file of its own")
     sizes = checked_shape(path, fields.get("DimSize", "").split(), "DimSize")
     if len(sizes) != 3:
         raise unreadable(path, f"DimSize of {len(sizes)} numbers", "three numbers")
@@ -127,7 +140,8 @@ def read(source: Source, *, located: bool = False) -> Volume:
         raise unreadable(path, f"HeaderSize = {fields['HeaderSize'][:60]}", "a number of bytes, or -1")
 
     name = fields["ElementDataFile"]
-    count = math.prod(sizes)
+    shape = (*sizes[::-1], *((channels,) if channels > 1 else ()))
+    count = math.prod(checked_shape(path, shape, "DimSize and ElementNumberOfChannels"))
     if name.upper() == "LOCAL":
         values = source.samples(dtype, count, length, encoding=encoding, skip=max(0, skip), located=located)
     else:
@@ -138,7 +152,7 @@ def read(source: Source, *, located: bool = False) -> Volume:
         notices.warn(f"{path}: CenterOfRotation = {fields['CenterOfRotation']} is not used")
     details = {name.lower(): fields[name][:_LONGEST] for name in _TOLD if fields.get(name, "") not in _NOTHING}
     volume = Volume(
-        values.reshape(sizes[::-1]),
+        values.reshape(shape),
         origin=triple("origin", origin),
         format="metaimage",
         details=details,

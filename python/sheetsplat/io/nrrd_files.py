@@ -10,6 +10,7 @@ import io
 import math
 import re
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,11 @@ from numpy.typing import NDArray
 from sheetsplat import _memory
 from sheetsplat._checks import shown, triple
 from sheetsplat.io.axes import in_body
-from sheetsplat.io.checks import beside, checked_shape, floats, sides, unreadable
+from sheetsplat.io.channels import label_colors, split
+from sheetsplat.io.checks import beside, checked_shape, floats, natural, sides, unreadable
 from sheetsplat.io.records import Floats, Volume
 from sheetsplat.io.source import MOST_SKIPPED, Source
+from sheetsplat.labels import LabelColors
 
 _HEADER_LIMIT = 1 << 20
 _LONGEST_UNIT = 32
@@ -31,6 +34,14 @@ _PIECE, _LONGEST_WORD = 1 << 18, 1024
 _MOST_LINES = 1_000_000
 # Fields that become details of the volume.
 _TOLD: tuple[str, ...] = ("content", "space", "encoding")
+# Fields with an entry for each axis.
+_OF_AXES = (
+    *("sizes", "space directions", "spacings", "axis mins", "axismins", "axis maxs", "axismaxs", "thicknesses"),
+    *("centers", "centerings", "units", "kinds", "labels"),
+)
+# What a segmentation of 3D Slicer states of each segment.
+_LABEL = re.compile(r"Segment(\d{1,6})_LabelValue")
+_SEGMENT = ("LabelValue", "Layer", "Name", "Color")
 _ENCODINGS = {
     "raw": "raw",
     **dict.fromkeys(("gzip", "gz"), "gzip"),
@@ -195,21 +206,89 @@ def _read_text(source: Source, dtype: np.dtype[Any], count: int) -> NDArray[Any]
     return values
 
 
-def read(source: Source, *, located: bool = False) -> Volume:
-    """Read an NRRD volume with three axes; the fastest is x.
+def read(source: Source, name: str | None = None) -> list[Volume]:
+    """Read an NRRD volume with three axes, the fastest is x, or one with a fourth axis of channels or colours.
 
-    `located`: the values of the volume are `StoredSamples`, which are not read yet; Unsupported unless they are raw.
+    Parameters
+    ----------
+    source
+    name
+        The channel, by number; of a segmentation in layers the layer.
+
+    Raises
+    ------
+    InvalidInput
+        For other axes, of which none is stated as that of channels or colours by its kind or by having no direction.
     """
+    volume, header, axis = _read(source, located=False)
+    colored = axis is not None and _kind(header, axis).endswith("-color") and header["sizes"][axis] in (3, 4)
+    channels = split(source.path, volume, None if colored or axis is None else 3, name=name)
+    if not any(_LABEL.fullmatch(key) for key in header):
+        return channels
+    return [replace(one, labels=_segments(source.path, header, one.channel.number)) for one in channels]
+
+
+def locate(source: Source) -> Volume:
+    """Return what `read` reads of three axes; its values are `StoredSamples`, Unsupported unless they are raw."""
+    return _read(source, located=True)[0]
+
+
+def _kind(header: dict[str, Any], axis: int) -> str:
+    kinds = header.get("kinds")
+    return str(kinds[axis]).lower() if isinstance(kinds, list) and axis < len(kinds) else ""
+
+
+def _channel_axis(header: dict[str, Any], count: int) -> int | None:
+    """Return which of four axes is none of the space or of time; None where there is no single one."""
+    directions = header.get("space directions")
+    found = []
+    for axis in range(count):
+        row = directions[axis] if directions is not None and len(directions) == count else 0.0
+        without = row is None or bool(np.isnan(np.asarray(row, dtype=np.float64)).all())
+        if without or _kind(header, axis) not in ("", "domain", "space", "none", "???"):
+            found.append(axis)
+    return found[0] if count == 4 and len(found) == 1 and _kind(header, found[0]) != "time" else None
+
+
+def _without(header: dict[str, Any], axis: int) -> dict[str, Any]:
+    """Return a header without what it says of an axis."""
+    count = len(header["sizes"])
+    return {
+        key: [part for at, part in enumerate(one) if at != axis]
+        if key in _OF_AXES and isinstance(one, list | np.ndarray) and len(one) == count
+        else one
+        for key, one in header.items()
+    }
+
+
+def _segments(path: Path, header: dict[str, Any], layer: int) -> LabelColors | bool:
+    """Return names and colours of the segments in a layer of 3D Slicer; True where there are none."""
+    colors, names = [], {}
+    for number in (found[1] for found in map(_LABEL.fullmatch, header) if found):
+        told = {part: str(header.get(f"Segment{number}_{part}", "")) for part in _SEGMENT}
+        if natural(path, f"Segment{number}_Layer", told["Layer"] or "0") != layer:
+            continue
+        label = natural(path, f"Segment{number}_LabelValue", told["LabelValue"])
+        names[label] = told["Name"]
+        if told["Color"]:
+            colors.append((label, floats(path, f"Segment{number}_Color", told["Color"], 3)))
+    return label_colors(path, colors, names) or True
+
+
+def _read(source: Source, *, located: bool) -> tuple[Volume, dict[str, Any], int | None]:
+    """Return the volume of a file, its header, and which axis of it is that of channels or colours."""
     header, length = _header(source)
     for name in ("type", "dimension", "sizes", "encoding"):
         if name not in header:
             raise unreadable(source.path, f"a header without {name}", "an NRRD header")
     sizes = checked_shape(source.path, header["sizes"], "sizes")
-    if header["dimension"] != 3 or len(sizes) != 3:
+    channels = None if located else _channel_axis(header, len(sizes))
+    of_space = header if channels is None else _without(header, channels)
+    if header["dimension"] != len(sizes) or len(of_space["sizes"]) != 3:
         raise unreadable(
             source.path,
             f"{header['dimension']} axes, sizes {sides(sizes)}",
-            "three axes",
+            "three axes, and at most one of channels or colours by its kind",
             "choose one channel or one time step, for instance with: unu slice",
         )
     data = _field(header, "data file", "datafile")
@@ -220,15 +299,16 @@ def read(source: Source, *, located: bool = False) -> Volume:
             # A data file .gz with the encoding gzip is compressed once.
             plain = dict(header, encoding="raw") if samples.packed and header["encoding"] in ("gzip", "gz") else header
             flat = _read_samples(samples, plain, sizes, 0, located=located)
+    values = flat.reshape(sizes[::-1])
     details: dict[str, str] = {name: str(header[name]) for name in _TOLD if name in header}
     volume = Volume(
-        flat.reshape(sizes[::-1]),
+        values if channels is None else np.moveaxis(values, 3 - channels, 3),
         format="nrrd",
         details=details,
-        units=_length_units(header),
-        **_place(source.path, header, sizes),
+        units=_length_units(of_space),
+        **_place(source.path, of_space, tuple(of_space["sizes"])),
     )
-    return in_body(volume, _sides(header))
+    return in_body(volume, _sides(header)), header, channels
 
 
 def _length_units(header: dict[str, Any]) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
 from sheetsplat.errors import option_ref
+from sheetsplat.io.channels import split
 from sheetsplat.io.checks import checked_shape, unreadable
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import DEFLATE_RATIO, Payload, Source
@@ -25,6 +26,8 @@ from sheetsplat.io.source import DEFLATE_RATIO, Payload, Source
 _Header = tuple[tuple[int, ...], bool, np.dtype[Any]]
 # Bytes of a text beside arrays.
 _LONGEST_TEXT = 1024
+# Places of an axis of channels, and of any axis beside it.
+_MOST_CHANNELS, _LEAST = 4, 8
 
 
 def _header(stream: IO[bytes]) -> _Header:
@@ -47,19 +50,34 @@ def _require_numbers(path: Path, what: str, dtype: np.dtype[Any]) -> None:
         raise unreadable(path, found, "integers, booleans or real floating-point numbers", advice)
 
 
-def _sizes(source: Source, header: _Header) -> tuple[int, ...]:
+def _channel_axis(header: _Header) -> int | None:
+    """Return which of four axes is that of channels: the first or the last, where it alone is short; None: neither."""
+    shape = header[0]
+    if len(shape) != 4 or min(shape[1:3]) < _LEAST:
+        return None
+    short = [axis for axis in (0, 3) if 2 <= shape[axis] <= _MOST_CHANNELS]
+    return short[0] if len(short) == 1 and shape[3 - short[0]] >= _LEAST else None
+
+
+def _are_colors(header: _Header) -> bool:
+    """Return whether the last of four axes is that of red, green and blue, and if wanted opacity."""
+    shape, _, dtype = header
+    return _channel_axis(header) == 3 and shape[3] > 2 and dtype in (np.uint8, np.uint16)
+
+
+def _sizes(source: Source, header: _Header, axes: int = 3) -> tuple[int, ...]:
     """Return the shape of a volume; InvalidInput for anything else."""
     shape, _, dtype = header
     _require_numbers(source.path, "an array", dtype)
-    if len(shape) != 3:
+    if len(shape) != axes:
         advice = "pass a part of it, numpy.load(path)[0], or a series to sheetsplat.animate" if len(shape) > 3 else ""
         raise unreadable(source.path, f"{len(shape)} axes, shape {tuple(shape)}", "three axes, values[k, j, i]", advice)
     return checked_shape(source.path, shape, "shape")
 
 
-def _volume(source: Source, header: _Header, payload: Payload, file_format: str) -> Volume:
+def _volume(source: Source, header: _Header, payload: Payload, file_format: str, axes: int = 3) -> Volume:
     _, first_fastest, dtype = header
-    sizes = _sizes(source, header)
+    sizes = _sizes(source, header, axes)
     values = payload.array(dtype, math.prod(sizes))
     return Volume(values.reshape(sizes, order="F" if first_fastest else "C"), format=file_format)
 
@@ -74,10 +92,16 @@ def locate(source: Source) -> Volume:
     return Volume(samples, format="npy")
 
 
-def read_npy(source: Source) -> Volume:
-    """Read the array of a .npy file."""
+def read_npy(source: Source, name: str | None = None) -> list[Volume]:
+    """Read the array of a .npy file; `name`: the channel, by number.
+
+    Of four axes the first or the last is that of channels where it has 2 to 4 places and all others 8 and more. The
+    last one of 3 or 4, of uint8 or uint16, is that of colours.
+    """
     header = _header(source.stream)
-    return _volume(source, header, source.payload("raw"), "npy")
+    axis = _channel_axis(header)
+    volume = _volume(source, header, source.payload("raw"), "npy", 3 if axis is None else 4)
+    return split(source.path, volume, None if _are_colors(header) else axis, name=name)
 
 
 def read_array(source: Source) -> NDArray[Any]:

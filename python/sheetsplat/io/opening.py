@@ -16,10 +16,11 @@ from numpy.typing import DTypeLike, NDArray
 
 from sheetsplat import _memory
 from sheetsplat._checks import is_off, shown
-from sheetsplat.errors import Error, about_option, complain, option_refs
+from sheetsplat.errors import Error, about_option, complain, option_ref, option_refs
 from sheetsplat.fields import EllipsoidField, Field, NanPolicy, RegularField
 from sheetsplat.fields.labelled import with_labels
 from sheetsplat.io.axes import placement, settled, tell_units
+from sheetsplat.io.channels import only, several_channels
 from sheetsplat.io.checks import Where, printable, unreadable
 from sheetsplat.io.formats import FORMATS, SCATTERED, Format, find_format, format_of
 from sheetsplat.io.kernels import field_of, given, log_base, logarithm
@@ -38,6 +39,7 @@ _SAMPLES = ("lattice", "radius", "falloff", "normalization", "w0", "prefilter", 
 _RAW = ("shape", "dtype", "offset", "name", "resample", "step")
 #: Options that say how data are read.
 READING = (*_RAW, *(name for name in _POINTS if name != "nan"))
+_SWITCHED = ("offset", "resample")
 # The number in a header is not trusted.
 _MOST_STEPS = 100_000
 
@@ -73,7 +75,8 @@ def read_volume(
     Raises
     ------
     InvalidInput
-        For files that are damaged, whose size is not that of their header, or that hold no real volume with three axes.
+        For files that are damaged, whose size is not that of their header, or that hold no real volume with three axes,
+        and for several channels of which none is chosen.
     OutOfMemory
         Where the samples do not fit.
     Error
@@ -85,14 +88,13 @@ def read_volume(
     >>> ss.io.read_volume("cube.npy").values.shape
     (8, 8, 8)
     """
-    options = given(
-        shape=shape,
-        dtype=dtype,
-        offset=None if is_off(offset) else offset,
-        name=name,
-        resample=None if is_off(resample) else resample,
-        step=step,
-    )
+    options = {"shape": shape, "dtype": dtype, "offset": offset, "name": name, "resample": resample, "step": step}
+    return only(Path(path), read_volumes(path, options))
+
+
+def read_volumes(path: str | os.PathLike[str], options: Mapping[str, Any]) -> list[Volume]:
+    """Return all channels of a volume, or the one that is chosen; `options` as for `read_volume`, which raises."""
+    options = given(**{name: None if name in _SWITCHED and is_off(one) else one for name, one in options.items()})
     with opened(path) as source:
         found = format_of(source, raw_options="shape" in options or "dtype" in options)
         if found.scattered:
@@ -100,8 +102,9 @@ def read_volume(
             what, wrong = f"{path} cannot be read as a volume", f"scattered data ({found.name})"
             raise complain(what, wrong, "a regular volume", advice)
         _refuse_others(path, found, options)
-        volume: Volume = found.read(source, **options)
-    return settled(str(path), volume)
+        read: Volume | list[Volume] = found.read(source, **options)
+        volumes = read if isinstance(read, list) else [read]
+    return [settled(str(path), one) for one in volumes]
 
 
 def read_scattered(
@@ -204,19 +207,29 @@ def kind_of(path: str | os.PathLike[str], options: Mapping[str, Any]) -> Format:
     return found
 
 
-def read_regular(path: str | os.PathLike[str], options: Mapping[str, Any]) -> Volume:
-    """Return the volume of a file; with `log` its samples are logarithms, float32 unless the file's are wider."""
+def read_regular(path: str | os.PathLike[str], options: Mapping[str, Any]) -> list[Volume]:
+    """Return the channels of a file, of most the only one.
+
+    With `log` their samples are logarithms, float32 unless the file's are wider.
+    """
     reading = {name: options[name] for name in _RAW if name in options}
     if "scalar" in options:
         reading["name"] = options["scalar"]
-    volume = read_volume(path, **reading)
-    return _in_decades(volume, options.get("log", False), str(path))
+    try:
+        volumes = read_volumes(path, reading)
+    except Error as error:
+        if "scalar" not in options:
+            raise
+        raise about_option(error, "name", "scalar") from error
+    return [_in_decades(one, options.get("log", False), str(path)) for one in volumes]
 
 
 def _in_decades(volume: Volume, log: bool | float, where: str) -> Volume:
     """Return a volume whose samples are logarithms, float32 unless they were wider; itself where `log` is False."""
     if log is False:
         return volume
+    if volume.values.ndim > 3:
+        raise complain(f"{where} cannot be shown in decades", "colours", "values", "leave out " + option_ref("log"))
     _memory.require(3 * 8 * volume.values.size, f"the logarithms of {where}")
     what = volume.details.get("content", "the samples")
     values = logarithm(volume.values.astype(np.float64), what, log)
@@ -275,8 +288,17 @@ def _of_volume(volume: Volume, options: Mapping[str, Any]) -> RegularField:
     if volume.packing.missing and np.isnan(volume.values).any():
         chosen["nan"] = "skip"
     chosen |= {name: options[name] for name in _SAMPLES if name in options}
-    field = RegularField(volume.values, **with_labels(volume.values, chosen))
-    field = field.with_quantity_of_samples(volume.quantity, volume.spacing, volume.origin, "cartesian")
+    if volume.channel.color is not None and volume.labels is False:
+        # Beside others a channel is measured, whatever its numbers look like.
+        chosen.setdefault("labels", False)
+    field = RegularField(volume.values, **with_labels(volume.values, chosen, stated=volume.labels is not False))
+    if field.labels and not isinstance(volume.labels, bool):
+        field = field.with_label_colors(volume.labels)
+    quantity, channel = volume.quantity, volume.channel
+    quantity = replace(quantity, name=quantity.name or channel.name)
+    window = channel.window if channel.color is not None and quantity.floor is None else None
+    field = field.with_color(None if field.labels else channel.color, window)
+    field = field.with_quantity_of_samples(quantity, volume.spacing, volume.origin, "cartesian")
     return field.with_orientation(volume.orientation)
 
 
@@ -290,12 +312,27 @@ def field_of_record(
 
 
 def open_field(path: str | os.PathLike[str], options: Mapping[str, Any]) -> RegularField | EllipsoidField:
-    """Return the field of a file; `options` are those of `sheetsplat.open` that the caller gave."""
+    """Return the field of a file; `options` are those of `sheetsplat.open` that the caller gave.
+
+    Raises InvalidInput for several channels of which none is chosen.
+    """
+    found = open_fields(path, options)
+    if len(found) > 1:
+        raise several_channels(Path(path), len(found), [one.name for one in found])
+    return found[0]
+
+
+def open_fields(path: str | os.PathLike[str], options: Mapping[str, Any]) -> list[RegularField | EllipsoidField]:
+    """Return the fields of the channels of a file, of most files the only one; `options` as for `open_field`."""
     if not isinstance(path, str | os.PathLike):
         raise complain("the file cannot be read", f"{type(path).__name__}, {shown(path)}", "a path")
     # Paths are nothing that a field says about itself.
     opened = {name: value for name, value in options.items() if name != "grid"}
-    return weighted(partial(_field, path), options).opened_with(opened)
+    if "weight" in options or kind_of(path, options).scattered:
+        return [weighted(partial(_field, path), options).opened_with(opened)]
+    volumes = read_regular(path, options)
+    own = [{"name": one.channel.name} if len(volumes) > 1 else {} for one in volumes]
+    return [_of_volume(one, options).opened_with({**opened, **told}) for one, told in zip(volumes, own, strict=True)]
 
 
 def weighted(
@@ -333,5 +370,5 @@ def _field(
 ) -> tuple[Volume | Scattered, RegularField | EllipsoidField]:
     if kind_of(path, options).scattered:
         return open_scattered(path, options)
-    volume = read_regular(path, options)
+    volume = only(Path(path), read_regular(path, options))
     return volume, _of_volume(volume, options)

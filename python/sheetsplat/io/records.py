@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sheetsplat import _memory
 from sheetsplat._checks import Bounds, Triple
 from sheetsplat._rows import usable_rows
+from sheetsplat.labels import LabelColors
 from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Quantity
 
@@ -98,13 +99,40 @@ class Packing:
 
 
 @dataclass(frozen=True)
+class Channel:
+    """One of several channels of a file.
+
+    Attributes
+    ----------
+    name
+        Its label, by which `sheetsplat.open` takes it.
+    color
+        Red, green and blue in which it is shown; None where it is the only one.
+    window
+        The values at which its colour begins and is full; None where the file does not say.
+    number
+        Which one it is, from 0 on.
+
+    Examples
+    --------
+    >>> ss.io.Channel("DAPI", (0, 0, 1), window=(50, 900)).name
+    'DAPI'
+    """
+
+    name: str = ""
+    color: Triple | None = None
+    window: tuple[float, float] | None = None
+    number: int = 0
+
+
+@dataclass(frozen=True)
 class Volume:
     """A regular volume of a file: what its reader found, from which `axes.settled` makes what is shown.
 
     Attributes
     ----------
     values
-        Array of shape (nk, nj, ni).
+        Array of shape (nk, nj, ni), or of colours, (nk, nj, ni, 3) or (nk, nj, ni, 4), as for `RegularField`.
     spacing, origin
         World units along x, y, z; the origin is the place of sample (0, 0, 0).
     format
@@ -121,6 +149,10 @@ class Volume:
         Of the lengths along x, y and z of the world, where `quantity` has none for all; empty: that of `quantity`.
     packing
         How the values become samples.
+    channel
+        Which of several channels it is.
+    labels
+        Whether the file states that samples are labels; their names and colours where it states these.
 
     Examples
     --------
@@ -138,6 +170,8 @@ class Volume:
     axes: Floats | None = None
     units: tuple[str, ...] = ()
     packing: Packing = Packing()
+    channel: Channel = Channel()
+    labels: LabelColors | bool = False
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,11 @@ them as no pages. In a child 64 MB would take 0.15 s in place of 0.03 s.
 from __future__ import annotations
 
 import html
+import itertools
 import math
 import re
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +21,9 @@ from numpy.typing import NDArray
 from sheetsplat import _memory, notices
 from sheetsplat._checks import shown, triple
 from sheetsplat.errors import Unsupported, complain, option_ref
+from sheetsplat.io.channels import chosen_channels, color_of, window_of
 from sheetsplat.io.checks import (
     checked_shape,
-    chosen_channel,
     chosen_step,
     floats,
     natural,
@@ -29,7 +31,7 @@ from sheetsplat.io.checks import (
     sides,
     unreadable,
 )
-from sheetsplat.io.records import Volume
+from sheetsplat.io.records import Channel, Volume
 from sheetsplat.io.source import DEFLATE_RATIO, Folder, Source
 
 _MOST_PAGES = 100_000
@@ -37,20 +39,25 @@ _MOST_PAGES = 100_000
 _RATIOS = {1: 1, 5: 2731, 8: DEFLATE_RATIO, 32946: DEFLATE_RATIO, 32773: 64}
 _DEFLATE = (8, 32946)
 _SLACK = 4096
-# The first element Pixels of OME, one of its attributes, and what channels are called.
+# Axes of a page: rows, columns, and samples of a pixel; the interpretation of these as colours.
+_PAGES, _RGB = ("YX", "YXS", "SYX"), 2
+# What a fourth sample is where it multiplies the others.
+_ASSOCIATED = 1
+# The first element Pixels of OME, one of its attributes, its channels, and the number of a colour.
 _PIXELS = re.compile(r"<(?:\w{1,20}:)?Pixels\s([^>]{0,4000})>")
 _ATTRIBUTE = re.compile(r"""(\w{1,40})\s?=\s?["']([^"']{0,60})["']""")
-_LABEL = re.compile(r"""<(?:\w{1,20}:)?Channel\s[^>]{0,1000}?\bName\s?=\s?["']([^"']{1,60})["']""")
+_CHANNEL = re.compile(r"<(?:\w{1,20}:)?Channel\s([^>]{0,1000})>")
+_WHOLE = re.compile(r"-?\d{1,10}")
 # Tags of GeoTIFF about places on the earth.
 _GEO = {33550: "ModelPixelScaleTag", 33922: "ModelTiepointTag", 34264: "ModelTransformationTag"}
 
 
 def _check_page(path: Path, number: int, page: Any) -> None:
-    """Raise InvalidInput unless a page has one sample a pixel, stored as its header says."""
+    """Raise InvalidInput unless a page has real numbers, stored as its header says."""
     where = f"page {number} of {page.shape}, {page.dtype}"
-    if page.samplesperpixel != 1 or len(page.shape) != 2 or page.dtype is None or page.dtype.kind not in "biuf":
-        advice = "choose one channel, or convert colours to grey"
-        raise unreadable(path, f"{where}, {page.samplesperpixel} samples a pixel", "one real number a pixel", advice)
+    if page.axes not in _PAGES or page.dtype is None or page.dtype.kind not in "biuf":
+        found = f"{where}, {page.samplesperpixel} samples a pixel"
+        raise unreadable(path, found, "one real number a pixel, or several, of colours or channels")
     checked_shape(path, page.shape, f"the size of page {number}")
     if int(page.compression) not in _RATIOS:
         name = getattr(page.compression, "name", page.compression)
@@ -86,8 +93,13 @@ def _check_segments(path: Path, page: Any, handle: Any) -> None:
             raise unreadable(path, f"more than {most} bytes in a part of a page", "at most as many as the page has")
 
 
-def _pages(path: Path, stream: Any, name: str | None, step: int | None) -> tuple[NDArray[Any], Any]:
-    """Return the pages of one channel and one time step as [page, row, column], and what was written about them."""
+def _pages(
+    path: Path, stream: Any, name: str | None, step: int | None
+) -> tuple[list[tuple[Channel, NDArray[Any]]], Any]:
+    """Return the pages of each channel at one time step, and what was written about them.
+
+    They are [page, row, column], of colours [page, row, column, component].
+    """
     import tifffile  # type: ignore[import-not-found, unused-ignore]
 
     # OME-TIFF may name other files, which are not opened: its pages are those of this file.
@@ -102,19 +114,43 @@ def _pages(path: Path, stream: Any, name: str | None, step: int | None) -> tuple
         chosen = _chosen_pages(path, told, planes if isinstance(planes, int) else 1, name, step)
         if isinstance(planes, int) and planes > count:
             # ImageJ writes one header for stacks of more than 4 GB.
-            return _bare_stack(path, stream, first, chosen), told
-        _memory.require(2 * len(chosen) * first.nbytes, f"the pages of {path}")
-        values: NDArray[Any] = np.empty((len(chosen), *first.shape), first.dtype)
-        for at, number in enumerate(chosen):
-            page = file.pages[number].aspage() if number else first
-            if page.shape != first.shape or page.dtype != first.dtype:
-                found = f"page {number} of {page.shape}, {page.dtype}"
-                advice = "leave out pages such as previews, or other resolutions"
-                raise unreadable(path, found, f"{first.shape}, {first.dtype}, as page 0 has", advice)
-            _check_page(path, number, page)
-            _check_segments(path, page, file.filehandle)
-            values[at] = page.asarray()
-        return values, told
+            stacks = [(channel, _bare_stack(path, stream, first, pages)) for channel, pages in chosen]
+        else:
+            _memory.require(2 * sum(len(pages) for _, pages in chosen) * first.nbytes, f"the pages of {path}")
+            stacks = [(channel, _stack(path, file, pages)) for channel, pages in chosen]
+    if "S" not in first.axes:
+        return stacks, told
+    (alone,) = [np.moveaxis(values, first.axes.index("S") + 1, 3) for _, values in stacks]
+    if told["colored"]:
+        return [(stacks[0][0], _straight(path, alone) if told["associated"] else alone)], told
+    channels = chosen_channels(path, alone.shape[3], told["channels"], name)
+    return [(channel, alone[..., at]) for at, channel in channels.items()], told
+
+
+def _straight(path: Path, values: NDArray[Any]) -> NDArray[Any]:
+    """Return colours that are multiplied by their opacity without this factor."""
+    _memory.require(5 * values.size, f"the colours of {path}")
+    made, full = values.copy(), np.iinfo(values.dtype).max
+    for page in made:
+        opacity = np.maximum(page[..., 3:].astype(np.float32), 1.0)
+        page[..., :3] = np.minimum(np.rint(page[..., :3] * (full / opacity)), full)
+    return made
+
+
+def _stack(path: Path, file: Any, numbers: list[int]) -> NDArray[Any]:
+    """Return some pages of a file, all of the size and type of its first one."""
+    first = file.pages.first
+    values: NDArray[Any] = np.empty((len(numbers), *first.shape), first.dtype)
+    for at, number in enumerate(numbers):
+        page = file.pages[number].aspage() if number else first
+        if (page.shape, page.dtype, page.axes) != (first.shape, first.dtype, first.axes):
+            found = f"page {number} of {page.shape}, {page.dtype}"
+            advice = "leave out pages such as previews, or other resolutions"
+            raise unreadable(path, found, f"{first.shape}, {first.dtype}, as page 0 has", advice)
+        _check_page(path, number, page)
+        _check_segments(path, page, file.filehandle)
+        values[at] = page.asarray()
+    return values
 
 
 def _told(file: Any) -> dict[str, Any]:
@@ -122,14 +158,40 @@ def _told(file: Any) -> dict[str, Any]:
     first = file.pages.first
     text = str(first.description or "")[:100_000]
     found = _PIXELS.search(text) if "<OME" in text else None
+    imagej = dict(file.imagej_metadata or {})
     return {
-        "imagej": dict(file.imagej_metadata or {}),
-        "ome": {key: html.unescape(value) for key, value in _ATTRIBUTE.findall(found[1])} if found else {},
-        "labels": [html.unescape(one) for one in _LABEL.findall(text)] if found else [],
+        "imagej": imagej,
+        "ome": _attributes(found[1]) if found else {},
+        "channels": list(map(_ome_channel, _CHANNEL.findall(text))) if found else _imagej_channels(imagej),
+        "samples": first.samplesperpixel,
+        "colored": first.samplesperpixel in (3, 4) and int(first.photometric) == _RGB and first.dtype.kind == "u",
+        "associated": first.samplesperpixel == 4 and _ASSOCIATED in tuple(map(int, first.extrasamples or ())),
         "resolution": [_ratio(first, name) for name in ("XResolution", "YResolution")],
         "unit": int(first.tags.valueof("ResolutionUnit", 1)),
         "geo": {name: first.tags.valueof(code) for code, name in _GEO.items() if code in first.tags},
     }
+
+
+def _attributes(element: str) -> dict[str, str]:
+    return {key: html.unescape(value) for key, value in _ATTRIBUTE.findall(element)}
+
+
+def _ome_channel(element: str) -> Channel:
+    """Return a channel of OME, whose colour is a signed number of red, green, blue and opacity."""
+    told = _attributes(element)
+    color = told.get("Color", "")
+    digits = f"{int(color) & 0xFFFFFFFF:08x}"[:6] if _WHOLE.fullmatch(color) else None
+    return Channel(printable(told.get("Name")), color_of(digits))
+
+
+def _imagej_channels(imagej: Mapping[str, Any]) -> list[Channel]:
+    """Return the channels of a stack of ImageJ: their colour is the last one of their table, unless all are grey."""
+    tables, ranges = imagej.get("LUTs"), imagej.get("Ranges")
+    tables = [] if imagej.get("mode") == "grayscale" or not isinstance(tables, list) else tables
+    colors = [color_of((np.asarray(one)[:, -1] / 255.0).tolist()) for one in tables if np.ndim(one) == 2]
+    limits = ranges if isinstance(ranges, tuple) else ()
+    windows = [window_of(*limits[at : at + 2]) for at in range(0, len(limits) - 1, 2)]
+    return [Channel("", color, window) for color, window in itertools.zip_longest(colors, windows)]
 
 
 def _axes(path: Path, told: Any, pages: int) -> dict[str, int]:
@@ -142,6 +204,9 @@ def _axes(path: Path, told: Any, pages: int) -> dict[str, int]:
     if ome:
         order = [axis for axis in ome.get("DimensionOrder", "XYZCT")[2:] if axis in "ZCT"]
         sizes = {axis: natural(path, f"Size{axis}", ome.get(f"Size{axis}", "1")) for axis in order}
+        if told["samples"] > 1 and sizes.get("C", 1) % told["samples"] == 0:
+            # Those of one pixel are counted as channels.
+            sizes["C"] = sizes.get("C", 1) // told["samples"]
     else:
         sizes = {axis: imagej[name] if isinstance(imagej.get(name), int) else 1 for axis, name in stated.items()}
         if sum(count > 1 for count in sizes.values()) < 2:
@@ -155,25 +220,30 @@ def _axes(path: Path, told: Any, pages: int) -> dict[str, int]:
     return sizes
 
 
-def _chosen_pages(path: Path, told: Any, pages: int, name: str | None, step: int | None) -> list[int]:
-    """Return the numbers of the pages of one channel and one time step."""
+def _chosen_pages(
+    path: Path, told: Any, pages: int, name: str | None, step: int | None
+) -> list[tuple[Channel, list[int]]]:
+    """Return the numbers of the pages of one time step, of each channel."""
     sizes = _axes(path, told, pages)
     if sizes.get("Z", 1) == 1 and pages > 1:
         found = " and ".join(f"{count} of axis {axis}" for axis, count in sizes.items()) + ": one slice each"
         advice = "to show them as slices, pass tifffile.imread(path)"
         raise unreadable(path, found, "several slices, of a volume", advice)
-    at = {
-        "T": chosen_step(path, sizes.get("T", 1), step),
-        "C": chosen_channel(path, sizes.get("C", 1), told["labels"], name),
-    }
-    first, stride, between = 0, 1, 1
+    channels, mixed = sizes.get("C", 1), told["samples"] > 1
+    if channels > 1 and mixed:
+        found = f"{channels} channels of {told['samples']} samples a pixel"
+        raise unreadable(path, found, "channels in pages, or in the samples of a pixel")
+    at = chosen_step(path, sizes.get("T", 1), step)
+    # Of samples of a pixel the channel is chosen after these are read.
+    known = chosen_channels(path, channels, told["channels"], None if mixed and not told["colored"] else name)
+    strides, stride = {}, 1
     for axis, count in sizes.items():
-        if axis == "Z":
-            between = stride
-        else:
-            first += at[axis] * stride
-        stride *= count
-    return [first + number * between for number in range(sizes.get("Z", 1))]
+        strides[axis], stride = stride, stride * count
+    first, between = at * strides.get("T", 0), strides.get("Z", 1)
+    return [
+        (channel, [first + one * strides.get("C", 0) + slice_ * between for slice_ in range(sizes.get("Z", 1))])
+        for one, channel in known.items()
+    ]
 
 
 def _bare_stack(path: Path, stream: Any, page: Any, chosen: list[int]) -> NDArray[Any]:
@@ -250,7 +320,7 @@ def count_steps(source: Source | Folder, name: str | None = None) -> int:
         return _axes(source.path, told, planes if isinstance(planes, int) else 1).get("T", 1)
 
 
-def read(source: Source | Folder, name: str | None = None, step: int | None = None) -> Volume:
+def read(source: Source | Folder, name: str | None = None, step: int | None = None) -> list[Volume]:
     """Read a stack: the pages are slices along z, the first row lies at the least y.
 
     Spacing and units are those that OME or ImageJ wrote. In a folder the files are taken by their names, slice2 before
@@ -260,47 +330,49 @@ def read(source: Source | Folder, name: str | None = None, step: int | None = No
     ----------
     source
     name
-        The channel, by label or number, where there are several.
+        The channel, by label or number; all are read unless it is given.
     step
         One of several time steps, from 0 on.
 
     Raises
     ------
     InvalidInput
-        For pages of different sizes or types, colours, several channels or time steps of which none is chosen, and
-        pages that unpack to more than their size says.
+        For pages of different sizes or types, several time steps of which none is chosen, and pages that unpack to more
+        than their size says.
     Unsupported
         For compressions beside deflate, LZW and PackBits.
     """
     path = source.path
     if isinstance(source, Folder):
-        values, told = _slices(source, name, step)
+        stacks, told = _slices(source, name, step)
     else:
         source.stream.seek(0)
-        values, told = _pages(path, source.stream, name, step)
-    if 1 in values.shape[:1] and isinstance(source, Source):
-        advice = "where each file is a slice, pass the folder"
-        raise unreadable(path, f"one page of {sides(values.shape[1:])}", "several: the slices of a volume", advice)
-    return Volume(values, format="tiff", **_placement(path, told))
+        stacks, told = _pages(path, source.stream, name, step)
+        if stacks[0][1].shape[0] == 1:
+            advice = "where each file is a slice, pass the folder"
+            found = f"one page of {sides(stacks[0][1].shape[1:3])}"
+            raise unreadable(path, found, "several: the slices of a volume", advice)
+    place = _placement(path, told)
+    return [Volume(values, format="tiff", channel=channel, **place) for channel, values in stacks]
 
 
-def _slices(folder: Folder, name: str | None, step: int | None) -> tuple[NDArray[Any], Any]:
+def _slices(folder: Folder, name: str | None, step: int | None) -> tuple[list[tuple[Channel, NDArray[Any]]], Any]:
     files = [one for one in folder.files() if one.suffix.lower() in (".tif", ".tiff", ".gz")]
-    values: NDArray[Any] | None = None
+    stacks: list[tuple[Channel, NDArray[Any]]] = []
     told: Any = {}
     for number, file in enumerate(files):
         with Source(file) as source:
             source.stream.seek(0)
-            page, about = _pages(file, source.stream, name, step)
-        if values is None:
+            pages, about = _pages(file, source.stream, name, step)
+        if not stacks:
             told = about
-            _memory.require(2 * len(files) * page.nbytes, f"the slices of {folder.path}")
-            values = np.empty((len(files), *page.shape[1:]), page.dtype)
-        if page.shape != (1, *values.shape[1:]) or page.dtype != values.dtype:
-            found = f"{file.name} with {page.shape[0]} pages of {page.shape[1:]}, {page.dtype}"
-            wanted = f"one of {values.shape[1:]}, {values.dtype}: a file is a slice of the volume"
-            advice = "of files that are volumes pass one, or all as a list to sheetsplat.animate"
-            raise unreadable(folder.path, found, wanted, advice)
-        values[number] = page[0]
-    assert values is not None
-    return values, told
+            _memory.require(2 * len(files) * sum(page.nbytes for _, page in pages), f"the slices of {folder.path}")
+            stacks = [(channel, np.empty((len(files), *page.shape[1:]), page.dtype)) for channel, page in pages]
+        for (_, values), (_, page) in zip(stacks, pages if len(pages) == len(stacks) else [pages[0]], strict=False):
+            if len(pages) != len(stacks) or page.shape != (1, *values.shape[1:]) or page.dtype != values.dtype:
+                found = f"{file.name} with {page.shape[0]} pages of {page.shape[1:]}, {page.dtype}"
+                wanted = f"one of {values.shape[1:]}, {values.dtype}: a file is a slice of the volume"
+                advice = "of files that are volumes pass one, or all as a list to sheetsplat.animate"
+                raise unreadable(folder.path, found, wanted, advice)
+            values[number] = page[0]
+    return stacks, told

@@ -12,21 +12,27 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from sheetsplat import _memory
 from sheetsplat._checks import shown, triple
 from sheetsplat.errors import InvalidInput, option_ref
 from sheetsplat.io.cf import READ, Coordinate, NamedArray, dimension_names
-from sheetsplat.io.checks import chosen_channel, chosen_step, floats, listed, printable, unreadable
-from sheetsplat.io.records import Volume
+from sheetsplat.io.channels import chosen_channels, color_of, label_colors, only, window_of
+from sheetsplat.io.checks import chosen_step, floats, listed, printable, unreadable
+from sheetsplat.io.records import Channel, Volume
 from sheetsplat.io.source import Folder
 from sheetsplat.io.stored import LazySamples
 from sheetsplat.io.zarr_chunks import Grid, attributes_of, below, is_array, metadata_of, read_array
+from sheetsplat.labels import LabelColors
 
 # Of the memory that is available, the share that the samples of a picture may take: they are copied and prefiltered.
 _SHARE = 0.2
 # Folders of a group that are looked at, and how deep: wells of plates have rows, columns and fields.
 _MOST_FOLDERS = 10_000
 _DEEPEST = 4
+# Labels beyond it are none that float64 tells apart.
+_LARGEST_LABEL = 2**40
 
 
 @dataclass(frozen=True)
@@ -192,18 +198,56 @@ def count_steps(source: Folder, name: str | None = None) -> int:
     return times[0] if times else 1
 
 
-def _multiscale(path: Path, told: Any, name: str | None, step: int | None, limit: float) -> Located:
-    """Return the finest scale of an OME-Zarr image whose samples take `limit` bytes (specification 0.4 and 0.5)."""
+def _multiscale(path: Path, told: Any, name: str | None, step: int | None, limit: float) -> list[Located]:
+    """Return the channels of the finest scale of an OME-Zarr image whose samples take `limit` bytes.
+
+    Specification 0.4 and 0.5.
+    """
     count = len(told["multiscales"][0]["datasets"])
     for number in range(count):
         found = _scale(path, told, name, step, number)
-        if found.bytes <= limit or number == count - 1:
+        if sum(one.bytes for one in found) <= limit or number == count - 1:
             return found
     raise unreadable(path, "no scale", "at least one")
 
 
-def _scale(path: Path, told: Any, name: str | None, step: int | None, number: int) -> Located:
-    """Return a scale of an OME-Zarr image."""
+def _channels(told: Any) -> list[Channel]:
+    """Return what is stated of the channels of an image, as OMERO shows them."""
+    entries = (told.get("omero") or {}).get("channels") or []
+    found = []
+    for one in entries:
+        about = one if isinstance(one, dict) else {}
+        stated: Any = about.get("window")
+        window = stated if isinstance(stated, dict) else {}
+        limits = window_of(window.get("start"), window.get("end"))
+        found.append(Channel(printable(about.get("label")), color_of(about.get("color")), limits))
+    return found
+
+
+def _labels(path: Path, told: Any) -> LabelColors | bool:
+    """Return names and colours of the labels of an image whose samples are labels, True where none are stated."""
+    about = told.get("image-label")
+    if not isinstance(about, dict):
+        return False
+
+    def entries(key: str) -> Iterator[tuple[int, Any]]:
+        listed_ = about.get(key)
+        for one in listed_ if isinstance(listed_, list) else []:
+            label = one.get("label-value") if isinstance(one, dict) else None
+            if isinstance(label, int) and abs(label) <= _LARGEST_LABEL:
+                yield label, one
+
+    colors = []
+    for label, one in entries("colors"):
+        rgba = one.get("rgba")
+        if isinstance(rgba, list) and all(isinstance(part, int | float) for part in rgba):
+            colors.append((label, [part / 255.0 for part in rgba]))
+    names = {label: printable(one.get("name") or one.get("label")) for label, one in entries("properties")}
+    return label_colors(path, colors, names) or True
+
+
+def _scale(path: Path, told: Any, name: str | None, step: int | None, number: int) -> list[Located]:
+    """Return the channels of a scale of an OME-Zarr image."""
     image = told["multiscales"][0]
     axes, levels = _axes(image), image["datasets"]
     units = [printable(one.get("unit")) if isinstance(one, dict) else "" for one in image["axes"]]
@@ -214,29 +258,29 @@ def _scale(path: Path, told: Any, name: str | None, step: int | None, number: in
     grid = Grid.of(place)
     if len(grid.shape) != len(axes):
         raise unreadable(place, f"shape {grid.shape}", f"{len(axes)} axes, {', '.join(axes)}")
-    entries = (told.get("omero") or {}).get("channels") or []
-    labels = [one.get("label") if isinstance(one, dict) else "" for one in entries]
-    index: list[int | range] = []
-    for axis, count in zip(axes, grid.shape, strict=True):
-        if axis in "xyz":
-            index.append(range(count))
-        elif axis == "c":
-            index.append(chosen_channel(path, count, labels, name))
-        else:
-            index.append(chosen_step(path, count, step))
+    counts = dict(zip(axes, grid.shape, strict=True))
+    known = chosen_channels(path, counts.get("c", 1), _channels(told), name)
     steps, start = _transforms(path, axes, level, image)
-    samples: Any = LazySamples(partial(read_array, place), grid.dtype, tuple(index), tuple(map(axes.index, "zyx")))
-    return Located(
-        place,
-        Volume(
-            samples,
-            triple("scale", [steps[axis] for axis in "xyz"]),
-            triple("translation", [start[axis] for axis in "xyz"]),
-            "ome-zarr",
-            {"scale": f"{number} of 0 to {len(levels) - 1}, {place.name}"},
-            units=tuple(units[axes.index(axis)] for axis in "xyz"),
-        ),
+    volume = Volume(
+        np.empty(0),
+        triple("scale", [steps[axis] for axis in "xyz"]),
+        triple("translation", [start[axis] for axis in "xyz"]),
+        "ome-zarr",
+        {"scale": f"{number} of 0 to {len(levels) - 1}, {place.name}"},
+        units=tuple(units[axes.index(axis)] for axis in "xyz"),
+        labels=_labels(path, told),
     )
+    found = []
+    for at, channel in known.items():
+        index: list[int | range] = []
+        for axis, count in counts.items():
+            whole: int | range = (
+                range(count) if axis in "xyz" else at if axis == "c" else chosen_step(path, count, step)
+            )
+            index.append(whole)
+        samples: Any = LazySamples(partial(read_array, place), grid.dtype, tuple(index), tuple(map(axes.index, "zyx")))
+        found.append(Located(place, replace(volume, values=samples, channel=channel)))
+    return found
 
 
 def _transforms(path: Path, axes: list[str], level: Any, image: Any) -> tuple[dict[str, float], dict[str, float]]:
@@ -257,12 +301,14 @@ def _transforms(path: Path, axes: list[str], level: Any, image: Any) -> tuple[di
     return steps, start
 
 
-def read(source: Folder, name: str | None = None, step: int | None = None, resample: bool = False) -> Volume:
+def read(
+    source: Folder, name: str | None = None, step: int | None = None, resample: bool = False
+) -> Volume | list[Volume]:
     """Read an array of a Zarr folder, or an OME-Zarr image: the finest scale whose samples take a fifth of the memory.
 
-    FOLDER:/array chooses an array or an image of a group. Of an image `name` chooses the channel, by label or number.
-    `step` is one of several times, from 0 on, of images and of arrays that have a dimension of that name. Arrays whose
-    dimensions have names are read as those of NetCDF (`cf.NamedArray`).
+    FOLDER:/array chooses an array or an image of a group. Of an image `name` chooses the channel, by label or number;
+    all are read unless it is given. `step` is one of several times, from 0 on, of images and of arrays that have a
+    dimension of that name. Arrays whose dimensions have names are read as those of NetCDF (`cf.NamedArray`).
 
     Raises
     ------
@@ -275,9 +321,9 @@ def read(source: Folder, name: str | None = None, step: int | None = None, resam
     path, name = _chosen(source, name)
     if not _told_of(path):
         return _at_step(path, name, step).read("zarr", resample=resample)
-    found = locate(source, name, step, _SHARE * _memory.available()).volume
-    samples: Any = found.values
-    return replace(found, values=samples.read())
+    volumes = [one.volume for one in _multiscale(path, _told_of(path), name, step, _SHARE * _memory.available())]
+    samples: Any = [one.values for one in volumes]
+    return [replace(one, values=lazy.read()) for one, lazy in zip(volumes, samples, strict=True)]
 
 
 def _at_step(path: Path, name: str | None, step: int | None) -> NamedArray:
@@ -296,7 +342,7 @@ def locate(source: Folder, name: str | None = None, step: int | None = None, lim
     path, name = _chosen(source, name)
     told = _told_of(path)
     if told:
-        return _multiscale(path, told, name, step, limit)
+        return _only(_multiscale(path, told, name, step, limit))
     return Located(path, _at_step(path, name, step).volume("zarr"))
 
 
@@ -305,4 +351,9 @@ def locate_coarser(source: Folder, name: str | None = None, step: int | None = N
     path, name = _chosen(source, name)
     told = _told_of(path)
     count = len(told["multiscales"][0]["datasets"]) if told else 0
-    return [_scale(path, told, name, step, number) for number in range(1, count)]
+    return [_only(_scale(path, told, name, step, number)) for number in range(1, count)]
+
+
+def _only(found: list[Located]) -> Located:
+    only(found[0].path, [one.volume for one in found])
+    return found[0]

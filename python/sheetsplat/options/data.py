@@ -113,7 +113,7 @@ class KernelOptions(TypedDict, total=False):
         bool | None,
         Option(
             "Volumes: the samples are whole numbers that name things, which are not mixed; each label has a colour.",
-            unset="where the samples look like that: few whole numbers between which there is nothing",
+            unset="where the file says so, or samples look like it: few whole numbers between which there is nothing",
             cli=(
                 CommandLine(
                     "--labels/--no-labels",
@@ -174,7 +174,8 @@ class FileOptions(TypedDict, total=False):
     name: Annotated[
         str | None,
         Option(
-            "The array to take of a file with several volumes; of DICOM the series, of OME-Zarr and TIFF the channel.",
+            "The array to take of a file with several volumes; of DICOM the series; a channel, by its label or number.",
+            unset="the only one; of channels all",
             called=("channel", "series", "variable", "array", "dataset"),
         ),
     ]

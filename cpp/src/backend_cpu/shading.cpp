@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <iterator>
+#include <utility>
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -16,9 +17,18 @@ namespace sheetsplat::backend_cpu {
 
 namespace {
 
+/// Of a label, where nothing shows at 0: sheets hold that where they were not drawn to.
+TransferFunction without_zero(const TransferFunction& function) {
+    std::vector<TransferPoint> points = function.points();
+    for (TransferPoint& point : points) {
+        point.value = std::max(point.value, just_above_labels);
+    }
+    return TransferFunction(std::move(points));
+}
+
 template <class T>
 GroupShading<T> group_of(const Group& of, const ShadingInputs::OfGroup& inputs, const DrawPlan& plan) {
-    const TransferFunction& function = *of.transfer_function;
+    const TransferFunction function = is_label(of) ? without_zero(*of.transfer_function) : *of.transfer_function;
     const double value_unit = plan.unit_of(of.first);
     GroupShading<T> group;
     group.classified = is_classified(of);

@@ -29,9 +29,11 @@ from sheetsplat.scene import Scene
 
 Size = tuple[int, int]
 # Of pictures of numbers: slices for each smallest semi-axis of a kernel, as in the default distance, and kernels that
-# count at most. A distance of data or pixels takes the place of another if it is so many times finer, or coarser.
+# count at most. A distance takes the place of the default one if it is so many times finer. One of isosurfaces, which
+# is less accurate, if it is so many times coarser.
 _PER_SEMI_AXIS = 2.0
 _FINER = 2.0
+_COARSER = 3.0
 _MOST = 1_000_000
 # How many times the estimate for scattered kernels a picture may be off: errors fall with the distance and not with its
 # square where kernels are thinner than it (1.1 to 1.9 measured).
@@ -105,8 +107,10 @@ def _fewer(scene: Scene, level: Level, seen: tuple[Camera, Size], usual: Decisio
 
 def _of_surfaces(scene: Scene, level: Level, seen: tuple[Camera, Size], usual: Decision) -> Decision:
     """Return fewer slices of isosurfaces than usual where thin kernels of which they show little call for many."""
-    wanted = spacing_for_surfaces(scene, *seen) / slices_more(level, scene)
-    if wanted <= _FINER * usual.value:
+    more = slices_more(level, scene)
+    least = _COARSER * usual.value
+    wanted = spacing_for_surfaces(scene, *seen, least * more) / more
+    if wanted <= least:
         return usual
     if unmet_kernels(scene.sketch(slice_spacing=wanted), *seen).share >= LEAST_UNMET:
         return usual

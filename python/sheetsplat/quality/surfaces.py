@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.camera import Camera
+from sheetsplat.fields import joined_bounds
 from sheetsplat.look.visible import camera_axes
-from sheetsplat.quality.thin import ShownKernels, shown_kernels
+from sheetsplat.quality.thin import ShownKernels, shown_kernels, widest_pixel
 from sheetsplat.scene import Scene
 
 # Slices a pixel, and in the length of a ray in a kernel.
@@ -20,12 +21,15 @@ _THINNER = 0.05
 _MOST = 2048
 
 
-def spacing_for_surfaces(scene: Scene, camera: Camera, size: tuple[int, int]) -> float:
-    """Return the distance of slices that the kernels call for through which isosurfaces pass; 0 without any.
+def spacing_for_surfaces(scene: Scene, camera: Camera, size: tuple[int, int], least: float = 0.0) -> float:
+    """Return the distance of slices that the kernels call for through which isosurfaces pass.
 
     The default one is that of the thinnest kernels, wherever they are. Light changes from pixel to pixel along a
-    surface as it does from slice to slice, so that slices far closer than pixels show nothing more.
+    surface as it does from slice to slice, so that slices far closer than pixels show nothing more. World units; 0
+    without such kernels, and where pixels alone tell that it is not above `least`.
     """
+    if widest_pixel(camera, size, joined_bounds([one.bounds for one in scene.fields])) <= least * _PER_PIXEL:
+        return 0.0
     wanted, covers = [np.zeros(0)], [np.zeros(0)]
     for shown in shown_kernels(scene, camera, size):
         each = max(1, math.ceil(len(shown.picked) / _MOST))
@@ -48,9 +52,8 @@ def _are_met(scene: Scene, shown: ShownKernels, some: NDArray[np.int64], camera:
     axes = np.einsum("ai,naj->jni", camera_axes(camera), shown.axes[some])
     points = shown.field.centers[shown.picked[some]] + np.stack([*axes, *-axes, np.zeros_like(axes[0])])
     group = next(group for group in scene.groups if any(one is shown.field for one in group))
-    scalars = np.sum([one.scalars_and_weights(points.reshape(-1, 3))[0] for one in group], axis=0).reshape(
-        points.shape[:2]
-    )
+    found = [one.scalars_and_weights(points.reshape(-1, 3))[0] for one in group]
+    scalars = np.sum(found, axis=0).reshape(points.shape[:2])
     values = np.array([value for value, opacity in scene.surfaces if opacity > 0])[:, None]
-    found: NDArray[np.bool_] = ((scalars.min(axis=0) < values) & (values <= scalars.max(axis=0))).any(axis=0)
-    return found
+    met: NDArray[np.bool_] = ((scalars.min(axis=0) < values) & (values <= scalars.max(axis=0))).any(axis=0)
+    return met

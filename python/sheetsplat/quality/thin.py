@@ -223,7 +223,7 @@ def coarse_lattice(scene: Scene, camera: Camera, size: tuple[int, int], times: f
     for one in scene.fields:
         if not isinstance(one, RegularField) or not one.size or one.normalization == "threshold":
             continue
-        distance, wide = _sample_distance(one), _widest_pixel(camera, size, one.centre_bounds)
+        distance, wide = _sample_distance(one), widest_pixel(camera, size, one.centre_bounds)
         if wide > times * distance * _EQUAL:
             return f"a pixel is up to {wide / distance:.3g} samples of a volume wide"
         if scene.slice_spacing > times * distance * _EQUAL:
@@ -251,7 +251,7 @@ def samples_for_ends(scene: Scene, camera: Camera, size: tuple[int, int], *, cut
         # Of each pair of faces the distance within a slice.
         tilts = np.linalg.norm(end.normals @ camera_axes(camera)[:2].T, axis=1)
         narrow = (end.lengths / np.maximum(tilts, _LEAST_TILT)).min()
-        narrow /= _widest_pixel(camera, size, (corners.min(axis=0), corners.max(axis=0)))
+        narrow /= widest_pixel(camera, size, (corners.min(axis=0), corners.max(axis=0)))
         count = max(
             count, math.ceil(end.across / max(float(pixels), 1.0)), math.ceil(_LEAST_ACROSS / max(narrow, _NARROWEST))
         )
@@ -370,7 +370,7 @@ def may_be_thin(scene: Scene, camera: Camera, size: tuple[int, int]) -> bool:
     if may_be_flat(scene):
         return True
     thinnest = min((one.scale_range[0] / _longer(one) for one in _scattered(scene)), default=math.inf)
-    return math.isfinite(thinnest) and thinnest < _widest_pixel(camera, size, _centres(scene))
+    return math.isfinite(thinnest) and thinnest < widest_pixel(camera, size, _centres(scene))
 
 
 def may_be_flat(scene: Scene) -> bool:
@@ -562,7 +562,7 @@ def _pixel(camera: Camera, size: tuple[int, int]) -> float:
     return 2.0 * math.tan(0.5 * math.radians(camera.fov_y)) / size[1]
 
 
-def _widest_pixel(camera: Camera, size: tuple[int, int], box: Any) -> float:
+def widest_pixel(camera: Camera, size: tuple[int, int], box: Any) -> float:
     """Return the width of a pixel where a box is farthest from the camera, world units."""
     pixel = _pixel(camera, size)
     if camera.kind == "orthographic":

@@ -15,15 +15,25 @@ from sheetsplat.look.histogram import Look
 from sheetsplat.look.measure import Floats
 from sheetsplat.modes import TRAITS
 from sheetsplat.options.core import COLORED, COMPOSITE
-from sheetsplat.quality.slicing import SLICES, can_be_estimated, depth_extent, has_lit_kernels, slicing_error
+from sheetsplat.quality.slicing import (
+    SLICES,
+    can_be_estimated,
+    depth_extent,
+    has_lit_kernels,
+    shows_scattered_alone,
+    slicing_error,
+)
+from sheetsplat.quality.surfaces import spacing_for_surfaces
 from sheetsplat.quality.thin import LEAST_UNMET, slices_for_ends, unmet_kernels
 from sheetsplat.scene import Scene
 
 Size = tuple[int, int]
-# Of pictures of numbers: slices for each smallest semi-axis of a kernel, as in the default distance; how many times
-# finer than the default such a distance is at least to take its place; and kernels that count at most.
+# Of pictures of numbers: slices for each smallest semi-axis of a kernel, as in the default distance, and kernels that
+# count at most. A distance takes the place of the default one if it is so many times finer. One of isosurfaces, which
+# is less accurate, if it is so many times coarser.
 _PER_SEMI_AXIS = 2.0
 _FINER = 2.0
+_COARSER = 3.0
 _MOST = 1_000_000
 # How many times the estimate for scattered kernels a picture may be off: errors fall with the distance and not with its
 # square where kernels are thinner than it (1.1 to 1.9 measured).
@@ -72,6 +82,8 @@ def slice_spacing(
         decided = Decision("slice_spacing", spacing / more, reason, "quality")
     if seen is not None and has_lit_kernels(scene):
         return _fewer(scene, level, seen, decided)
+    if seen is not None and TRAITS[scene.mode].shows_surfaces and shows_scattered_alone(scene):
+        return _of_surfaces(scene, level, seen, decided)
     if seen is not None and level.filters and (whole := slices_for_ends(scene, seen[0])) is not None:
         reason = "whole slabs of the volume, or of a box that cuts, so that an x-ray has its mass"
         return Decision("slice_spacing", whole, reason, "quality")
@@ -91,6 +103,19 @@ def _fewer(scene: Scene, level: Level, seen: tuple[Camera, Size], usual: Decisio
             reason = f"{slices} slices, and not those of the thinnest kernels: an estimated error of {error:.1e}"
             return Decision("slice_spacing", coarse.slice_spacing, reason, "quality")
     return usual
+
+
+def _of_surfaces(scene: Scene, level: Level, seen: tuple[Camera, Size], usual: Decision) -> Decision:
+    """Return fewer slices of isosurfaces than usual where thin kernels of which they show little call for many."""
+    more = slices_more(level, scene)
+    least = _COARSER * usual.value
+    wanted = spacing_for_surfaces(scene, *seen, least * more) / more
+    if wanted <= least:
+        return usual
+    if unmet_kernels(scene.sketch(slice_spacing=wanted), *seen).share >= LEAST_UNMET:
+        return usual
+    reason = "that of pixels and of the kernels in which surfaces lie, and not of the thinnest kernels"
+    return Decision("slice_spacing", wanted, reason, "quality")
 
 
 def slices_more(level: Level, scene: Scene) -> int:

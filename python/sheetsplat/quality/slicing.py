@@ -81,10 +81,15 @@ def can_be_estimated(scene: Scene) -> bool:
     return volumes and lit and all(not isinstance(one, BrickedField) or one.can_be_probed for one in scene.fields)
 
 
+def shows_scattered_alone(scene: Scene) -> bool:
+    """Return whether a scene has scattered kernels in every field."""
+    return all(isinstance(one, EllipsoidField) and one.size for one in scene.fields)
+
+
 def has_lit_kernels(scene: Scene) -> bool:
     """Return whether a scene shows scattered kernels alone, lit, whose slices can be estimated at any distance."""
-    scattered = all(isinstance(one, EllipsoidField) and one.size for one in scene.fields)
-    return scattered and TRAITS[scene.mode].is_composited and len(scene.groups) == 1 and bool(scene.lights)
+    lit = TRAITS[scene.mode].is_composited and len(scene.groups) == 1 and bool(scene.lights)
+    return lit and shows_scattered_alone(scene)
 
 
 def depth_extent(scene: Scene, camera: Camera) -> float:

@@ -132,7 +132,7 @@ class Sums:
 
 
 @dataclass(frozen=True)
-class _Shown:
+class ShownKernels:
     """Kernels of a field that show and lie in the picture, every `step`-th of those there are.
 
     `optical_depths` are those of values, for the field's group.
@@ -156,7 +156,7 @@ class _Shown:
 def small_kernels(scene: Scene, camera: Camera, size: tuple[int, int]) -> Small:
     """Return what a scene has of small kernels, as a camera sees it without a filter."""
     covered = small = hidden = 0.0
-    for shown in _shown(scene, camera, size):
+    for shown in shown_kernels(scene, camera, size):
         covered += float(shown.covers.sum()) * shown.step
         found = (shown.widths < shown.pixels) | (2.0 * shown.halves < scene.slice_spacing)
         alone = shown.step * _share_alone(shown.field, shown.picked[found])
@@ -171,7 +171,7 @@ def unmet_kernels(scene: Scene, camera: Camera, size: tuple[int, int]) -> Unmet:
     low, high = _centres(scene)
     middle = float(depths_of(np.asarray([0.5 * (low + high)]), camera)[0])
     covered, unmet, count, thinnest = 0.0, 0.0, 0, math.inf
-    for shown in _shown(scene, camera, size):
+    for shown in shown_kernels(scene, camera, size):
         # Slices lie at middle + (n + 1/2) spacing.
         place = (shown.depths - middle) / scene.slice_spacing - 0.5
         missed = np.abs(place - np.round(place)) * scene.slice_spacing >= shown.halves
@@ -189,7 +189,7 @@ def sampled_sums(scene: Scene, camera: Camera, size: tuple[int, int]) -> Sums:
     the standard deviation s up to 2 exp(-2 pi^2 s^2 / d^2), more or less by where the samples lie.
     """
     total = coarse = squares = means = 0.0
-    for shown in _shown(scene, camera, size):
+    for shown in shown_kernels(scene, camera, size):
         masses, times = _masses(shown), float(shown.step)
         across, along = _sampling_errors(shown, scene.slice_spacing)
         errors = np.minimum(across + along, 1.0)
@@ -223,7 +223,7 @@ def coarse_lattice(scene: Scene, camera: Camera, size: tuple[int, int], times: f
     for one in scene.fields:
         if not isinstance(one, RegularField) or not one.size or one.normalization == "threshold":
             continue
-        distance, wide = _sample_distance(one), _widest_pixel(camera, size, one.centre_bounds)
+        distance, wide = _sample_distance(one), widest_pixel(camera, size, one.centre_bounds)
         if wide > times * distance * _EQUAL:
             return f"a pixel is up to {wide / distance:.3g} samples of a volume wide"
         if scene.slice_spacing > times * distance * _EQUAL:
@@ -251,7 +251,7 @@ def samples_for_ends(scene: Scene, camera: Camera, size: tuple[int, int], *, cut
         # Of each pair of faces the distance within a slice.
         tilts = np.linalg.norm(end.normals @ camera_axes(camera)[:2].T, axis=1)
         narrow = (end.lengths / np.maximum(tilts, _LEAST_TILT)).min()
-        narrow /= _widest_pixel(camera, size, (corners.min(axis=0), corners.max(axis=0)))
+        narrow /= widest_pixel(camera, size, (corners.min(axis=0), corners.max(axis=0)))
         count = max(
             count, math.ceil(end.across / max(float(pixels), 1.0)), math.ceil(_LEAST_ACROSS / max(narrow, _NARROWEST))
         )
@@ -349,7 +349,7 @@ def lost_mass(scene: Scene, camera: Camera, size: tuple[int, int]) -> float:
     across the view and along it by themselves.
     """
     total = lost = 0.0
-    for shown in _shown(scene, camera, size):
+    for shown in shown_kernels(scene, camera, size):
         if not _shows_mass(shown.field):
             continue
         masses = _masses(shown)
@@ -370,7 +370,7 @@ def may_be_thin(scene: Scene, camera: Camera, size: tuple[int, int]) -> bool:
     if may_be_flat(scene):
         return True
     thinnest = min((one.scale_range[0] / _longer(one) for one in _scattered(scene)), default=math.inf)
-    return math.isfinite(thinnest) and thinnest < _widest_pixel(camera, size, _centres(scene))
+    return math.isfinite(thinnest) and thinnest < widest_pixel(camera, size, _centres(scene))
 
 
 def may_be_flat(scene: Scene) -> bool:
@@ -387,7 +387,7 @@ def _scattered(scene: Scene) -> list[EllipsoidField]:
     return [one for one in scene.fields if isinstance(one, EllipsoidField) and one.size > one.ghosts]
 
 
-def _shown(scene: Scene, camera: Camera, size: tuple[int, int]) -> Iterator[_Shown]:
+def shown_kernels(scene: Scene, camera: Camera, size: tuple[int, int]) -> Iterator[ShownKernels]:
     """Yield the kernels of each scattered field that show and lie in the picture."""
     for group, function in zip(scene.groups, scene.transfer_functions, strict=True):
         for field in group:
@@ -398,7 +398,7 @@ def _shown(scene: Scene, camera: Camera, size: tuple[int, int]) -> Iterator[_Sho
 
 def _shown_of(
     field: EllipsoidField, optical: Callable[[Floats], Floats], camera: Camera, size: tuple[int, int]
-) -> _Shown:
+) -> ShownKernels:
     known = field.size - field.ghosts
     step = max(1, math.ceil(known / _MOST))
     picked = np.arange(0, known, step)
@@ -417,7 +417,7 @@ def _shown_of(
     area = np.sqrt(np.maximum(a * b - c * c, 0.0))
     widths = area / np.sqrt(0.5 * (a + b + np.hypot(a - b, 2.0 * c)))
     halves = np.linalg.norm(axes[:, 2], axis=1)
-    return _Shown(field, step, picked, axes, depths, pixels, halves, widths, opacity * area, optical)
+    return ShownKernels(field, step, picked, axes, depths, pixels, halves, widths, opacity * area, optical)
 
 
 def _share_alone(field: EllipsoidField, picked: NDArray[np.int64]) -> float:
@@ -439,7 +439,7 @@ def _sample_distance(field: RegularField) -> float:
     return field.spacing[0] / math.sqrt(2.0) if field.lattice == "bcc" else float(heights(field.steps)[0].min())
 
 
-def _masses(shown: _Shown) -> Floats:
+def _masses(shown: ShownKernels) -> Floats:
     """Return integrals of kernels times their values, without sign, up to a factor of the field."""
     return np.asarray(np.abs(_counted(shown.field, shown.picked)) * np.abs(np.linalg.det(shown.axes)))
 
@@ -451,7 +451,7 @@ def _deviation(falloff: float) -> float:
     return math.sqrt(float((weights * np.square(r)).sum() / weights.sum()) / 3.0)
 
 
-def _sampling_errors(shown: _Shown, spacing: float) -> tuple[Floats, Floats]:
+def _sampling_errors(shown: ShownKernels, spacing: float) -> tuple[Floats, Floats]:
     """Return by how much the sums over pixels and over slices of each kernel may differ from its integral, 0 to 1."""
     deviation = _deviation(shown.field.falloff)
     across = 2.0 * np.exp(-2.0 * np.square(math.pi * deviation * shown.widths / shown.pixels))
@@ -460,7 +460,7 @@ def _sampling_errors(shown: _Shown, spacing: float) -> tuple[Floats, Floats]:
 
 
 def _sampled_share(
-    shown: _Shown, which: NDArray[np.int64], scene: Scene, camera: Camera, size: tuple[int, int]
+    shown: ShownKernels, which: NDArray[np.int64], scene: Scene, camera: Camera, size: tuple[int, int]
 ) -> Floats:
     """Return the sum over pixels and slices of kernels over their integrals; 1 where they are large along all axes."""
     if not len(which):
@@ -515,7 +515,7 @@ def _integral(k: float, dimensions: int) -> float:
     return float((2.0 * math.pi * r * _line(np.square(r), k)).mean())
 
 
-def _filtered_values(shown: _Shown, which: NDArray[np.bool_], spacing: float) -> Floats:
+def _filtered_values(shown: ShownKernels, which: NDArray[np.bool_], spacing: float) -> Floats:
     """Return the scalar that a kernel alone would have at its centre with the filter (conventions, section 10)."""
     field, picked, axes = shown.field, shown.picked[which], shown.axes[which]
     added = np.zeros((len(picked), 3, 3))
@@ -562,7 +562,7 @@ def _pixel(camera: Camera, size: tuple[int, int]) -> float:
     return 2.0 * math.tan(0.5 * math.radians(camera.fov_y)) / size[1]
 
 
-def _widest_pixel(camera: Camera, size: tuple[int, int], box: Any) -> float:
+def widest_pixel(camera: Camera, size: tuple[int, int], box: Any) -> float:
     """Return the width of a pixel where a box is farthest from the camera, world units."""
     pixel = _pixel(camera, size)
     if camera.kind == "orthographic":

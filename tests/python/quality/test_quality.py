@@ -235,6 +235,26 @@ def test_thin_kernels_that_show_are_met():
     assert image.plan.slices > 1000 and image.plan.slice_spacing <= 0.002
 
 
+def test_thin_kernels_beside_isosurfaces_do_not_set_the_slices():
+    both = wide_and_thin(300, 400, 0.0015, 0.0)
+    field = ss.EllipsoidField(both.centers, both.scales, values=both.values, normalization="none")
+    options = {"mode": "isosurface", "iso_value": [(0.8, 0.4), (1.4, 1.0)], "size": 64, "backend": "cpu"}
+    found = {name: ss.render(field, quality=name, **options) for name in QUALITIES}
+    spacings = {name: image.plan.slice_spacing for name, image in found.items()}
+    assert spacings["good"] > 8 * field.default_slice_spacing
+    assert np.isclose([spacings["draft"], spacings["best"]], spacings["good"] * np.array([1, 0.5])).all()
+    assert "not of the thinnest" in told(found["good"])["slice_spacing"].reason
+    fine = ss.render(field, slice_spacing=0.25 * found["good"].plan.slice_spacing, **options)
+    assert np.sqrt(np.mean((found["good"].rgba - fine.rgba) ** 2)) < 0.01
+
+
+@pytest.mark.parametrize("value", [3.0, [(1.5, 0.3), (3.0, 0.3)]])
+def test_thin_kernels_in_isosurfaces_set_the_slices(value):
+    field = wide_and_thin(5, 3000, 0.004, 5.0, away=1.5)
+    image = ss.render(field, mode="isosurface", iso_value=value, size=64, backend="cpu")
+    assert image.plan.slice_spacing < 0.001
+
+
 @pytest.mark.parametrize("name", QUALITIES)
 def test_fields_that_leave_it_open_are_shown_as_their_array(smooth, name):
     field = ss.RegularField(smooth)

@@ -6,7 +6,7 @@ import itertools
 import math
 import operator
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -295,7 +295,8 @@ def attribute(value: object, name: str) -> Any:
 def instance(what: str, value: object, kind: type) -> None:
     """Raise InvalidInput unless `value` is a `kind`."""
     if not isinstance(value, kind):
-        raise complain(unusable(what), f"{type(value).__name__}, {shown(value)}", f"sheetsplat.{kind.__name__}")
+        wanted = "a mapping such as a dict" if kind is Mapping else f"sheetsplat.{kind.__name__}"
+        raise complain(unusable(what), f"{type(value).__name__}, {shown(value)}", wanted)
 
 
 def check_progress(owner: str, progress: object) -> None:

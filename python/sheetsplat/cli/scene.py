@@ -103,8 +103,8 @@ def prepare_again(
     recipe = Recipe.read(path)
     if len(data) != len(recipe.fields):
         raise click.UsageError(
-            f"{path} was made of {len(recipe.fields)} fields, not of {len(data)}; name a file for each: those of "
-            "channels, and of colours by another array, come once for each"
+            f"{path} was made of {len(recipe.fields)} files of data, not of {len(data)}; a file comes once for each of "
+            "its channels, and once more for the array that gives colours"
         )
     opened = {name: value for name, value in file_options(options).items() if name in given}
     if "log_floor" in given:

@@ -251,16 +251,16 @@ def choice(what: str, value: object, names: Sequence[str]) -> str:
     return value
 
 
-def whole(what: str, value: object, wanted: str = "a whole number") -> int:
-    """Return an int that fits 32 bits, or InvalidInput that says what was wanted."""
+def whole(what: str, value: object, wanted: str = "a whole number", bits: int = 32, advice: str = "") -> int:
+    """Return an int that fits so many bits, or InvalidInput that says what was wanted."""
     try:
         if isinstance(value, bool | np.bool_):
             raise TypeError
         result = operator.index(value)  # type: ignore[arg-type]
     except Exception:  # Objects of others raise whatever they like.
         raise complain(unusable(what), shown(value), wanted) from None
-    if not -(2**31) <= result < 2**31:
-        raise complain(unusable(what), shown(result), "a whole number of 32 bits")
+    if not -(2 ** (bits - 1)) <= result < 2 ** (bits - 1):
+        raise complain(unusable(what), shown(result), f"a whole number of {bits} bits", advice)
     return result
 
 

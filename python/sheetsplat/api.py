@@ -291,13 +291,13 @@ def _coloring(opened: Opened, options: Mapping[str, Any]) -> Any:
         found, wanted = f"{shown(given)} for {len(opened.fields)} fields", "a field for each, with its function"
         raise complain(unusable("render: color_by"), found, wanted, "give them to sheetsplat.Scene", option="color_by")
     if isinstance(given, os.PathLike) or isinstance(given, str) and Path(given).is_file():
-        return _fields_of(given, {})[0]
+        return _only(given, _fields_of(given, {}))
     if isinstance(given, str):
         of_data = {name: one for name, one in _given(OpenOptions, options).items() if name not in ("log", "name")}
         if _is_made(data) or isinstance(data, np.ndarray):
             found, wanted = f"the name {shown(given)} for data without arrays of names", "a field, or numbers"
             raise complain(unusable("render: color_by"), found, wanted, option="color_by")
-        return _fields_of(data, {**of_data, "scalar": given})[0]
+        return _only(given, _fields_of(data, {**of_data, "scalar": given}))
     numbers_ = as_array("render: color_by cannot be used", given, "a field, a name, or numbers of the data's shape")
     if isinstance(first, RegularField) and numbers_.shape == first.shape:
         return first.replace(numbers_, labels=False, **({} if first.given_base is not None else {"base": None}))
@@ -305,6 +305,14 @@ def _coloring(opened: Opened, options: Mapping[str, Any]) -> Any:
         return with_values(first, numbers_.astype(np.float64))
     wanted = f"as many as the data have, {getattr(first, 'values', np.zeros(0)).shape}"
     raise complain(unusable("render: color_by"), f"an array of shape {numbers_.shape}", wanted, option="color_by")
+
+
+def _only(given: object, fields: Sequence[Field]) -> Field:
+    """Return the field that gives colours; InvalidInput for several."""
+    if len(fields) > 1:
+        found, advice = f"{len(fields)} fields in {shown(given)}", "choose one by sheetsplat.open(..., name=...)"
+        raise complain(unusable("render: color_by"), found, "one", advice, option="color_by")
+    return fields[0]
 
 
 def _asks_for_values(options: Mapping[str, Any]) -> bool:

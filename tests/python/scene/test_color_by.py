@@ -145,6 +145,12 @@ def test_the_command_line_takes_arrays_and_files(tmp_path):
         assert recipe.colors != ()
 
 
+def test_files_of_several_channels_are_refused(tmp_path):
+    np.save(tmp_path / "two.npy", np.stack([BALL, WAVE]))
+    with pytest.raises(ss.InvalidInput, match="2 fields .*name="):
+        ss.render(BALL, color_by=tmp_path / "two.npy", size=8)
+
+
 def test_labels_are_shown_as_values_of_other_numbers():
     labels = ss.RegularField(np.ones((3, 3, 3)), labels=True)
     with pytest.raises(ss.InvalidInput, match="labels=False"):

@@ -6,7 +6,7 @@ import itertools
 import math
 import operator
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -251,16 +251,16 @@ def choice(what: str, value: object, names: Sequence[str]) -> str:
     return value
 
 
-def whole(what: str, value: object, wanted: str = "a whole number") -> int:
-    """Return an int that fits 32 bits, or InvalidInput that says what was wanted."""
+def whole(what: str, value: object, wanted: str = "a whole number", bits: int = 32, advice: str = "") -> int:
+    """Return an int that fits so many bits, or InvalidInput that says what was wanted."""
     try:
         if isinstance(value, bool | np.bool_):
             raise TypeError
         result = operator.index(value)  # type: ignore[arg-type]
     except Exception:  # Objects of others raise whatever they like.
         raise complain(unusable(what), shown(value), wanted) from None
-    if not -(2**31) <= result < 2**31:
-        raise complain(unusable(what), shown(result), "a whole number of 32 bits")
+    if not -(2 ** (bits - 1)) <= result < 2 ** (bits - 1):
+        raise complain(unusable(what), shown(result), f"a whole number of {bits} bits", advice)
     return result
 
 
@@ -295,7 +295,8 @@ def attribute(value: object, name: str) -> Any:
 def instance(what: str, value: object, kind: type) -> None:
     """Raise InvalidInput unless `value` is a `kind`."""
     if not isinstance(value, kind):
-        raise complain(unusable(what), f"{type(value).__name__}, {shown(value)}", f"sheetsplat.{kind.__name__}")
+        wanted = "a mapping such as a dict" if kind is Mapping else f"sheetsplat.{kind.__name__}"
+        raise complain(unusable(what), f"{type(value).__name__}, {shown(value)}", wanted)
 
 
 def check_progress(owner: str, progress: object) -> None:

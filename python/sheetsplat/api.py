@@ -277,8 +277,12 @@ def _is_color(part: object) -> bool:
         return False
 
 
+def with_coloring(opened: Opened, options: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return options of a picture with the field that gives colours, or what `Scene` takes, where one is given."""
+    return options if options.get("color_by") is None else {**options, "color_by": _coloring(opened, options)}
+
+
 def _coloring(opened: Opened, options: Mapping[str, Any]) -> Any:
-    """Return the field that gives colours, or what `Scene` takes."""
     given, data = options["color_by"], opened.data
     if isinstance(given, Field) or isinstance(given, tuple | list) and any(isinstance(one, Field) for one in given):
         return given
@@ -287,20 +291,28 @@ def _coloring(opened: Opened, options: Mapping[str, Any]) -> Any:
         found, wanted = f"{shown(given)} for {len(opened.fields)} fields", "a field for each, with its function"
         raise complain(unusable("render: color_by"), found, wanted, "give them to sheetsplat.Scene", option="color_by")
     if isinstance(given, os.PathLike) or isinstance(given, str) and Path(given).is_file():
-        return _fields_of(given, {})[0]
+        return _only(given, _fields_of(given, {}))
     if isinstance(given, str):
         of_data = {name: one for name, one in _given(OpenOptions, options).items() if name not in ("log", "name")}
         if _is_made(data) or isinstance(data, np.ndarray):
             found, wanted = f"the name {shown(given)} for data without arrays of names", "a field, or numbers"
             raise complain(unusable("render: color_by"), found, wanted, option="color_by")
-        return _fields_of(data, {**of_data, "scalar": given})[0]
+        return _only(given, _fields_of(data, {**of_data, "scalar": given}))
     numbers_ = as_array("render: color_by cannot be used", given, "a field, a name, or numbers of the data's shape")
     if isinstance(first, RegularField) and numbers_.shape == first.shape:
-        return first.replace(numbers_, **({} if first.given_base is not None else {"base": None}))
+        return first.replace(numbers_, labels=False, **({} if first.given_base is not None else {"base": None}))
     if isinstance(first, EllipsoidField) and numbers_.shape == first.values.shape:
         return with_values(first, numbers_.astype(np.float64))
     wanted = f"as many as the data have, {getattr(first, 'values', np.zeros(0)).shape}"
     raise complain(unusable("render: color_by"), f"an array of shape {numbers_.shape}", wanted, option="color_by")
+
+
+def _only(given: object, fields: Sequence[Field]) -> Field:
+    """Return the field that gives colours; InvalidInput for several."""
+    if len(fields) > 1:
+        found, advice = f"{len(fields)} fields in {shown(given)}", "choose one by sheetsplat.open(..., name=...)"
+        raise complain(unusable("render: color_by"), found, "one", advice, option="color_by")
+    return fields[0]
 
 
 def _asks_for_values(options: Mapping[str, Any]) -> bool:
@@ -363,9 +375,8 @@ def _chosen(opened: Opened, options: Any, asked: Asked, size: tuple[int, int], o
         return kept(data, options, asked, size)
     if isinstance(data, list | tuple) and len(data) > 1:
         _refuse_one_for_each(len(data), look)
-    if look.get("color_by") is not None:
-        options = {**options, "color_by": _coloring(opened, options)}
-        look = pick_given(LookOptions, options)
+    options = with_coloring(opened, options)
+    look = pick_given(LookOptions, options)
     suggested = suggested_look(data, look)
     # False has the same effect as leaving the option out.
     wanted = [*(name for name, value in look.items() if value is not False), *outputs]
@@ -383,6 +394,8 @@ def _warn_of_replaced(options: Any, projection: object) -> None:
             warn(option_ref(made) + " replaces these options: " + option_refs(given))
     if options.get("camera") is None and options.get("fov_y") is not None and projection == "orthographic":
         warn(option_ref("fov_y") + " changes nothing without " + option_ref("projection", "perspective"))
+    if options.get("color_by") is None and options.get("color_map") is not None:
+        warn(option_ref("color_map") + " changes nothing without " + option_ref("color_by", "..."))
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ from sheetsplat.errors import complain, unusable
 from sheetsplat.fields import RegularField
 from sheetsplat.transfer import TransferFunction
 
-# Numbers of labels that float64 holds with what lies half a number beside them.
-_LARGEST = 2**40
+# Of numbers of labels, which float64 holds with what lies half a number beside them.
+_BITS = 41
 # Half the distance of labels: where the table of one ends.
 _BESIDE = 0.5
 # Steps around the circle of hues: of neighbouring labels far apart, and of any number of them all different.
@@ -146,10 +146,9 @@ class LabelColors(TransferFunction):
 
 
 def _label(value: Any) -> int:
-    found = whole("LabelColors: a label", value)
-    if abs(found) > _LARGEST:
-        raise complain(unusable("LabelColors: a label"), str(found), f"whole numbers up to {_LARGEST}")
-    return found
+    return whole(
+        "LabelColors: a label", value, bits=_BITS, advice="number them anew, by numpy.unique with return_inverse"
+    )
 
 
 def _color(given: Any) -> tuple[float, float, float, float]:
@@ -159,6 +158,8 @@ def _color(given: Any) -> tuple[float, float, float, float]:
     if len(found) not in ((1, 2) if named else (3, 4)):
         raise complain(unusable(what), shown(given), wanted)
     red, green, blue = color(what, found[0] if named else tuple(found[:3]))
+    if not all(0.0 <= one <= 1.0 for one in (red, green, blue)):
+        raise complain(unusable(what), shown(given), "red, green and blue from 0 to 1", "divide by the largest")
     opacity = number(what, found[-1]) if len(found) in ((2,) if named else (4,)) else 1.0
     if not 0.0 <= opacity <= 1.0:
         raise complain(unusable(what), f"an opacity of {opacity:g}", "a number from 0 to 1")

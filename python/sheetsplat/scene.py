@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import Bounds, Triple, parts, shown
 from sheetsplat.errors import Unsupported, complain, option_ref, unusable
-from sheetsplat.fields import BrickedKernels, Field, RegularField, as_fields, default_spacing, joined_bounds
+from sheetsplat.fields import (
+    BrickedKernels,
+    Field,
+    RegularField,
+    any_in_bricks,
+    as_fields,
+    default_spacing,
+    joined_bounds,
+)
 from sheetsplat.labels import groups_of
 from sheetsplat.light import Light, Material
 from sheetsplat.look.weighted import SUMS, is_weighted, sums_of
@@ -87,11 +95,16 @@ def _colorings(color_by: object, groups: Groups) -> Colorings:
             raise complain(unusable("Scene: color_by"), shown(pair), wanted)
         field, function = pair
         if any(isinstance(other, RegularField) and not other.has_values for other in fields):
+            found_ = f"group {number}, whose samples are colours or labels"
             raise complain(
-                unusable("Scene: color_by"), f"group {number}, whose samples are colours or labels", "values"
+                unusable("Scene: color_by"), found_, "values", "leave it out, or show them with labels=False"
             )
         look = function if isinstance(function, TransferFunction) else TransferFunction(function)
-        made.append((tuple(as_fields(field, "Scene: color_by")), look))
+        givers = tuple(as_fields(field, "Scene: color_by"))
+        if any_in_bricks((*fields, *givers)):
+            advice = "open them with sheetsplat.open"
+            raise complain(unusable("Scene: color_by"), "data in bricks", "data in memory", advice, kind=Unsupported)
+        made.append((givers, look))
     return tuple(made)
 
 
@@ -442,15 +455,15 @@ class Scene:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy by the arguments."""
-        return _made, (self.groups, self.transfer_functions, dict(self._options), self._quality)
+        return _made, (self.groups, self.transfer_functions, dict(self._options), self._quality, self._colors)
 
     def __eq__(self, other: object) -> bool:
-        """Return whether fields, transfer function and options are the same."""
+        """Return whether fields, transfer functions, colours of other fields and options are the same."""
         if not isinstance(other, Scene):
             return NotImplemented
         # The quickest first.
-        mine = self._options, self.transfer_functions, self.groups
-        return mine == (dict(other.options), other.transfer_functions, other.groups)
+        mine = self._options, self.transfer_functions, self.groups, self._colors
+        return mine == (dict(other.options), other.transfer_functions, other.groups, other.color_by)
 
     def __hash__(self) -> int:
         """Return a hash of fields, transfer function and mode."""
@@ -466,7 +479,8 @@ def _made(
     functions: tuple[TransferFunction, ...],
     options: dict[str, Any],
     quality: PictureQuality | None,
+    colors: Colorings,
 ) -> Scene:
     """Return the scene of what `Scene.__reduce__` gave."""
-    scene = Scene(groups, functions, **options)
+    scene = Scene(groups, functions, color_by=colors if any(colors) else None, **options)
     return scene if quality is None else scene.with_quality(quality)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -102,7 +102,10 @@ def prepare_again(
         raise click.UsageError(f"{path} has its own {', '.join(map(flag_of, own))}; leave out one or the other")
     recipe = Recipe.read(path)
     if len(data) != len(recipe.fields):
-        raise click.UsageError(f"{path} was made of {len(recipe.fields)} files of data, not of {len(data)}")
+        raise click.UsageError(
+            f"{path} was made of {len(recipe.fields)} files of data, not of {len(data)}; a file comes once for each of "
+            "its channels, and once more for the array that gives colours"
+        )
     opened = {name: value for name, value in file_options(options).items() if name in given}
     if "log_floor" in given:
         opened["log"] = options["log_floor"]
@@ -166,12 +169,9 @@ def prepare(
     opened = file_options(options)
     asked = Asked.of("render", {name: value for name, value in options.items() if value is not None})
     with usage_errors(reading=True):
-        fields = (
-            api.Opened.of(path, {**options, **look, **opened}).fields
-            if open_file is None
-            else [open_file(path, **opened)]
-        )
+        given: Mapping[str, Any] = {**options, **look, **opened}
+        data = api.Opened.of(path, given) if open_file is None else api.Opened(path, (open_file(path, **opened),))
+        given = api.with_coloring(data, given)
     with usage_errors():
-        given = {**options, **look, "log": opened["log"]}
-        made = choose(fields, given, asked, size, cue_color=options["depth_cue_color"] or (0, 0, 0))
+        made = choose(data.fields, given, asked, size, cue_color=options["depth_cue_color"] or (0, 0, 0))
         return made.scene, made.camera, Renderer(**{**pick(RendererOptions, options), "effects": effects}), size

@@ -15,12 +15,22 @@ from typing import Any
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import image_size, shown
 from sheetsplat.camera import Camera
-from sheetsplat.describe.schema import DEEPEST, LONGEST, camera_of, check_keys, fits, object_of, plain, tuples, value_of
+from sheetsplat.describe.schema import (
+    DEEPEST,
+    LONGEST,
+    camera_of,
+    check_object,
+    fits,
+    function_of,
+    object_of,
+    plain,
+    tuples,
+    value_of,
+)
 from sheetsplat.describe.toml import depth
 from sheetsplat.errors import Error, InvalidInput, complain
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.fields.trim import Trim
-from sheetsplat.labels import LabelColors
 from sheetsplat.look.strays import trimmed
 from sheetsplat.options.core import Option, UnknownOption, checked, definitions
 from sheetsplat.options.data import OpenOptions
@@ -45,7 +55,6 @@ _KINDS = {
 }
 # Options of volumes in pictures that were made before volumes had any of them.
 _BEFORE = {"boundary": "zero", "base": 0.0, "labels": False}
-_LABELS = ("colors", "names", "background")
 _PARTS = ("format", "version", "size", "camera", "transfer_functions", "groups", "scene", "fields", "renderer")
 
 
@@ -253,7 +262,7 @@ class Recipe:
                 raise complain("", f"lists or objects nested {found} deep", f"at most {DEEPEST}")
             parts = json.loads(text, parse_constant=_no_constant, object_pairs_hook=_without_repetition)
         with _reading("description"):
-            _check_object(parts, (*_PARTS, "colors"), _PARTS)
+            check_object(parts, (*_PARTS, "colors"), _PARTS)
         _check_version(parts["format"], parts["version"])
         made = {}
         for key, reader in _READERS.items():
@@ -313,16 +322,6 @@ def _reading(*keys: str) -> Iterator[None]:
         raise _damaged(f"{': '.join(keys)}: {found}", "what sheetsplat wrote") from None
 
 
-def _check_object(value: Any, known: Sequence[str] | None = None, needed: Sequence[str] = ()) -> None:
-    """Raise for what is no object of JSON, for a key that is not known, and for one that is not there."""
-    if not isinstance(value, dict):
-        raise complain("", shown(value), "an object {name: value}")
-    check_keys(value, value if known is None else known, "it")
-    for name in needed:
-        if name not in value:
-            raise complain("", f"no key {name!r}", "all of: " + ", ".join(needed))
-
-
 def _are_counts(value: Any) -> bool:
     return fits(value, Sequence[int]) and all(one >= 0 for one in value)
 
@@ -358,31 +357,8 @@ def _colors(value: Any, groups: int) -> tuple[tuple[int, TransferFunction] | Non
     return tuple(None if one is None else (one[0], function_of(one[1])) for one in value)
 
 
-def function_of(value: Any) -> TransferFunction:
-    """Return a transfer function of its rows, or colours of labels of an object; InvalidInput for anything else."""
-    if isinstance(value, dict):
-        _check_object(value, _LABELS, _LABELS)
-        colors, names, background = (value[name] for name in _LABELS)
-        _check_object(colors)
-        _check_object(names)
-        known = fits(list(colors.values()), Sequence[tuple[float, float, float, float]])
-        if not known or not fits(list(names.values()), Sequence[str]) or not fits(background, int):
-            raise complain("", shown(value), "colours of four numbers, names, and a background, by label")
-        told, called = ({_label_of(key): one for key, one in part.items()} for part in (colors, names))
-        return LabelColors(told, called, background)
-    if not fits(value, Sequence[tuple[float, float, float, float, float]]):
-        raise complain("", shown(value), "rows of five numbers")
-    return TransferFunction(value)
-
-
-def _label_of(key: str) -> int:
-    if re.fullmatch(r"-?\d{1,13}", key, re.ASCII) is None:
-        raise complain("", shown(key), "a whole number")
-    return int(key)
-
-
 def _camera(value: Any) -> Camera:
-    _check_object(value)
+    check_object(value)
     # Pictures that were made before cameras had a shift have none.
     return camera_of(value, "maker", optional=("shift",))
 
@@ -390,7 +366,7 @@ def _camera(value: Any) -> Camera:
 def _options(key: str, value: Any, known: Mapping[str, Option]) -> dict[str, Any]:
     """Return the options that an object of JSON says; None where one is open."""
     with _reading(key):
-        _check_object(value, tuple(known))
+        check_object(value, tuple(known))
     found = {}
     for name, part in value.items():
         with _reading(key, name):
@@ -422,7 +398,7 @@ def field_recipe_of(value: Any, before: Mapping[str, Any] | None = None) -> Fiel
         # Earlier pictures left nothing out.
         given = {"trim": {}, **value} if isinstance(value, dict) else value
         names = tuple(one.name for one in fields(FieldRecipe))
-        _check_object(given, names, names)
+        check_object(given, names, names)
         kind, ghosts, trim = given["kind"], given["ghost_points"], given["trim"]
         if not fits(kind, str) or kind not in _KINDS:
             raise complain("", shown(kind), " or ".join(_KINDS), option="kind")
@@ -433,12 +409,12 @@ def field_recipe_of(value: Any, before: Mapping[str, Any] | None = None) -> Fiel
             wanted = "a distance from 1 to 2 and a weight above 0, of an EllipsoidField; or null"
             raise complain("", f"{shown(ghosts)} of a {kind}", wanted, option="ghost_points")
         with _reading("trim"):
-            _check_object(trim)
+            check_object(trim)
             left_out = object_of(Trim, trim)
             if left_out.kernels and not scattered:
                 raise complain("", f"{shown(left_out.kernels)} of a {kind}", "an EllipsoidField", option="kernels")
         with _reading("quantity"):
-            _check_object(given["quantity"])
+            check_object(given["quantity"])
             quantity = object_of(Quantity, given["quantity"])
         options = _options("options", given["options"], {name: _OPENED[name] for name in _KINDS[kind]})
         if not scattered and "boundary" not in options:

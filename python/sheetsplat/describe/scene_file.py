@@ -29,7 +29,7 @@ from sheetsplat.describe.schema import (
     value_of,
 )
 from sheetsplat.describe.toml import Place, depth, document, lines_of_keys
-from sheetsplat.errors import Error, complain, unusable
+from sheetsplat.errors import Error, complain, option_ref, unusable
 from sheetsplat.fields import Field, as_fields
 from sheetsplat.image import Image
 from sheetsplat.io.pictures import whole_file
@@ -187,6 +187,9 @@ class SceneFile:
         if paths and len(paths) != len(made):
             found = f"{len(paths)} files for a picture of {len(made)} fields"
             raise complain("the scene cannot be written", found, "one for each field")
+        if recipe.colors:
+            found, advice = "colours of another field", "write one of the data, with " + option_ref("color_by", "...")
+            raise complain("the scene cannot be written", found, "a picture without them", advice)
         told["scene"]["transfer_function"] = functions if len(functions) > 1 else functions[0]
         groups = [number if len(made) > 1 else None for number, count in enumerate(recipe.groups) for _ in range(count)]
         tables = {

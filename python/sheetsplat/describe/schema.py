@@ -7,6 +7,7 @@ scene files as TOML: lists for vectors and arrays, mappings with the arguments o
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
@@ -33,6 +34,7 @@ CAMERAS = {
     "fit": ("lower", "upper", "direction", "up", "kind", "margin", "fov_y"),
 }
 _MOST_OBJECTS = 4096
+_LABELS = ("colors", "names", "background")
 # Texts of numbers may have any number of digits.
 _LARGEST = sys.float_info.max
 
@@ -62,6 +64,39 @@ def check_keys(given: Iterable[str], known: Iterable[str], owner: str) -> None:
         if name not in names:
             advice = nearest_names(name, names) or "it has " + ", ".join(names)
             raise complain(f"{owner} has no key of this name", name, "", advice, option=name, kind=UnknownOption)
+
+
+def check_object(value: Any, known: Sequence[str] | None = None, needed: Sequence[str] = ()) -> None:
+    """Raise for what is no object of JSON, for a key that is not known, and for one that is not there."""
+    if not isinstance(value, dict):
+        raise complain("", shown(value), "an object {name: value}")
+    check_keys(value, value if known is None else known, "it")
+    for name in needed:
+        if name not in value:
+            raise complain("", f"no key {name!r}", "all of: " + ", ".join(needed))
+
+
+def function_of(value: Any) -> TransferFunction:
+    """Return a transfer function of its rows, or colours of labels of an object; InvalidInput for anything else."""
+    if isinstance(value, dict):
+        check_object(value, _LABELS, _LABELS)
+        colors, names, background = (value[name] for name in _LABELS)
+        check_object(colors)
+        check_object(names)
+        known = fits(list(colors.values()), Sequence[tuple[float, float, float, float]])
+        if not known or not fits(list(names.values()), Sequence[str]) or not fits(background, int):
+            raise complain("", shown(value), "colours of four numbers, names, and a background, by label")
+        told, called = ({_label_of(key): one for key, one in part.items()} for part in (colors, names))
+        return LabelColors(told, called, background)
+    if not fits(value, Sequence[tuple[float, float, float, float, float]]):
+        raise complain("", shown(value), "rows of five numbers")
+    return TransferFunction(value)
+
+
+def _label_of(key: str) -> int:
+    if re.fullmatch(r"-?\d{1,13}", key, re.ASCII) is None:
+        raise complain("", shown(key), "a whole number")
+    return int(key)
 
 
 def object_of(kind: type, given: Mapping[str, Any]) -> Any:
@@ -94,6 +129,14 @@ def value_of(option: Option, value: Any) -> Any:
 
     Raises InvalidInput where the value has no meaning for this option, whatever the others are.
     """
+    if option.name == "transfer_function" and isinstance(value, dict | list) and value:
+        tables = value if isinstance(value, list) else [value]
+        if any(isinstance(one, dict) for one in tables):
+            try:
+                functions = [function_of(one) for one in tables]
+            except Error as error:
+                raise _wrong(option, value, error.complaint.wanted.text()) from None
+            return functions if isinstance(value, list) else functions[0]
     kind, several = class_of(option.type)
     if kind is not None and (isinstance(value, dict) or several) and value not in choices_of(option.type):
         tables = value if isinstance(value, list) else [value]

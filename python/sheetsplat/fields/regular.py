@@ -247,7 +247,9 @@ class RegularField(Stating, Field):
         self._settled = prefilter is not None
         self._labels = truth("RegularField: labels", labels)
         self._parts_made: dict[Any, Any] = {}
-        values, self._colors = labelled.split_colors(values)
+        self._colors: NDArray[Any] | None = None
+        if not self._labels:
+            values, self._colors = labelled.split_colors(values)
         wanted = prefilter is not None and truth("RegularField: prefilter", prefilter)
         if wanted and self._normalization == "none":
             # That of the coefficients: the base is the one of the samples.

@@ -316,3 +316,24 @@ def test_lines_of_unusual_documents():
         ("t", "u", 1, "x", "y"): 16, ("t", "u", 1, "x", "z"): 17,
     }  # fmt: skip
     assert lines_of_keys(text) == wanted
+
+
+def test_colours_of_labels_are_written_and_those_of_another_field_refused(tmp_path):
+    labels = np.zeros((9, 9, 9), np.uint8)
+    labels[2:7, 2:7, 2:5], labels[2:7, 2:7, 5:7] = 1, 4
+    np.save(tmp_path / "labels.npy", labels)
+    colors = ss.LabelColors({4: ("tomato", 0.5), 1: "gold"}, names={4: "a\n\x1b", 1: "b"})
+    options = {"labels": True, "transfer_function": colors, **SMALL}
+    image = ss.render(tmp_path / "labels.npy", **options)
+    of_options = ss.SceneFile.of_options(tmp_path / "labels.npy", **options)
+    for number, scene in enumerate((of_options, ss.SceneFile.of(image, tmp_path / "labels.npy"))):
+        path = tmp_path / f"{number}.toml"
+        scene.save(path)
+        again = ss.SceneFile.read(path).render()
+        assert np.array_equal(again.rgba, image.rgba) and again.recipe.transfer_functions == (colors,)
+    bad = "[look]\ntransfer_function = {colors = {x = [1, 0, 0, 1]}, names = {}, background = 0}"
+    with pytest.raises(ss.InvalidInput, match="line 5: transfer_function"):
+        ss.SceneFile.read(write(tmp_path, bad))
+    colored = ss.render(labels, labels=False, color_by=labels[::-1], **SMALL)
+    with pytest.raises(ss.InvalidInput, match="colours of another field"):
+        ss.SceneFile.of(colored)

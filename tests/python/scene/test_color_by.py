@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
+from command_line import run
 
 import sheetsplat as ss
 from sheetsplat.describe.recipe import Recipe
@@ -119,11 +122,48 @@ def test_what_render_takes(tmp_path):
     assert np.array_equal(ss.Renderer("cpu").render(again, recipe.camera, recipe.size).rgba, image.rgba)
 
 
+def test_scenes_are_pickled_with_their_colours():
+    scene = ss.Scene([ss.RegularField(BALL), kernels(1)], [GREY, GREY], color_by=[(ss.RegularField(WAVE), TURBO), None])
+    again = pickle.loads(pickle.dumps(scene))
+    assert again == scene != scene.replace(color_by=None)
+    same = [ss.Renderer("cpu").render(one, view(), 20).rgba for one in (scene, again)]
+    assert np.array_equal(*same)
+
+
+def test_the_command_line_takes_arrays_and_files(tmp_path):
+    np.save(tmp_path / "ball.npy", BALL)
+    np.save(tmp_path / "wave.npy", WAVE)
+    np.savetxt(tmp_path / "a.csv", np.random.default_rng(1).random((20, 5)), delimiter=",", header="x,y,z,value,speed",
+               comments="")  # fmt: skip
+    for name, given in (("ball.npy", tmp_path / "wave.npy"), ("a.csv", "speed")):
+        made = tmp_path / "made.png"
+        asked = "--color-by", str(given), "--color-map", "magma", "--size", "20", "--backend", "cpu"
+        run("render", str(tmp_path / name), "-o", str(made), *asked)
+        image = ss.render(tmp_path / name, color_by=given, color_map="magma", size=20, backend="cpu")
+        recipe = Recipe.read(made)
+        assert recipe.transfer_functions == image.recipe.transfer_functions and recipe.colors == image.recipe.colors
+        assert recipe.colors != ()
+
+
+def test_files_of_several_channels_are_refused(tmp_path):
+    np.save(tmp_path / "two.npy", np.stack([BALL, WAVE]))
+    with pytest.raises(ss.InvalidInput, match="2 fields .*name="):
+        ss.render(BALL, color_by=tmp_path / "two.npy", size=8)
+
+
+def test_labels_are_shown_as_values_of_other_numbers():
+    labels = ss.RegularField(np.ones((3, 3, 3)), labels=True)
+    with pytest.raises(ss.InvalidInput, match="labels=False"):
+        ss.render(labels, color_by=np.full((3, 3, 3), 0.5), size=8)
+
+
 BAD = {
     "name": (lambda: ss.render(BALL, color_by="density"), "without arrays of names"),
     "shape": (lambda: ss.render(BALL, color_by=np.zeros(3)), "shape"),
     "number": (lambda: ss.Scene(ss.RegularField(BALL), GREY, color_by=3), "color_by"),
     "two for one": (lambda: ss.Scene(ss.RegularField(BALL), GREY, color_by=[None, None]), "1 groups"),
+    "bricks": (lambda: ss.render(ss.open_bricks(BALL, brick=8), color_by=ss.RegularField(WAVE)), "in memory"),
+    "giver in bricks": (lambda: ss.render(BALL, color_by=ss.open_bricks(WAVE, brick=8)), "in memory"),
     "labels": (
         lambda: ss.Scene(
             ss.RegularField(np.ones((3, 3, 3)), labels=True),
@@ -146,3 +186,5 @@ def test_bad_colours_are_refused(kind):
         make()
     with pytest.warns(ss.PictureWarning, match="color_by"):
         ss.render(BALL, color_by=WAVE, mode="mip", size=8)
+    with pytest.warns(ss.PictureWarning, match="color_map changes nothing"):
+        ss.render(BALL, color_map="magma", size=8)

@@ -232,6 +232,8 @@ def test_label_colors():
         2,
     }
     assert ss.LabelColors.of(colors, [5]) is colors
+    large = ss.LabelColors({2**40 - 1: "red", -(2**40): "blue"})
+    assert large.at([2**40 - 1, 2**40 - 2])[:, 3].tolist() == [1, 0]
 
 
 BAD = {
@@ -245,7 +247,10 @@ BAD = {
     "no colour": (lambda: ss.LabelColors({1: (1, 2)}), "red, green, blue"),
     "opacity": (lambda: ss.LabelColors({1: (1, 1, 1, 2)}), "0 to 1"),
     "no label": (lambda: ss.LabelColors({1.5: "red"}), "label"),
-    "no mapping": (lambda: ss.LabelColors([1, 2]), "Mapping"),
+    "no mapping": (lambda: ss.LabelColors([1, 2]), "a mapping such as a dict"),
+    "colours to 255": (lambda: ss.LabelColors({1: (255, 0, 0)}), "from 0 to 1"),
+    "beyond 41 bits": (lambda: ss.LabelColors({2**40: "red"}), "number them anew"),
+    "labels of colours": (lambda: ss.RegularField(np.zeros((3, 3, 3, 3), np.uint8), labels=True), "three axes"),
     "bricks": (lambda: ss.open_bricks(things(), labels=True), "bricks"),
 }
 

@@ -94,13 +94,13 @@ def _colorings(color_by: object, groups: Groups) -> Colorings:
         if not isinstance(pair, tuple | list) or len(pair) != 2:
             raise complain(unusable("Scene: color_by"), shown(pair), wanted)
         field, function = pair
-        if any(isinstance(other, RegularField) and not other.has_values for other in fields):
-            found_ = f"group {number}, whose samples are colours or labels"
-            raise complain(
-                unusable("Scene: color_by"), found_, "values", "leave it out, or show them with labels=False"
-            )
         look = function if isinstance(function, TransferFunction) else TransferFunction(function)
         givers = tuple(as_fields(field, "Scene: color_by"))
+        if any(isinstance(other, RegularField) and not other.has_values for other in (*fields, *givers)):
+            found_ = f"samples that are colours or labels, in group {number} or for it"
+            raise complain(
+                unusable("Scene: color_by"), found_, "values", "open them with labels=False, or leave it out"
+            )
         if any_in_bricks((*fields, *givers)):
             advice = "open them with sheetsplat.open"
             raise complain(unusable("Scene: color_by"), "data in bricks", "data in memory", advice, kind=Unsupported)

@@ -111,6 +111,9 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
     if all(options.get(name) is None for name in _SAY_WHAT_IS_MEANT):
         _warn_of_one_value(scene)
     _warn_of_facets(scene)
+    ignored = [name for name in ("cmap", "clim", "opacity") if options.get(name) is not None]
+    if ignored and free and fields and all(map(is_labelled, fields)):
+        warn(option_refs(ignored) + " change nothing in a picture of labels, whose colours are those of a LabelColors")
     if scene.options["shadows"] and mode in COLORED and not scene.lights:
         warn(option_ref("shadows", "true") + " changes nothing where there are no lights")
     return scene

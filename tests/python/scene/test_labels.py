@@ -216,6 +216,8 @@ def test_labels_are_found_where_they_look_like_that(tmp_path):
         shown = ss.render(things(), size=20, **{**asked, **({"mode": "isosurface"} if "iso_value" in asked else {})})
         assert not shown.recipe.fields[0].options["labels"]
     assert not ss.RegularField(things()).labels
+    with pytest.warns(ss.PictureWarning, match="change nothing in a picture of labels"):
+        ss.render(ss.RegularField(things(), labels=True), cmap="magma", size=10)
 
 
 def test_label_colors():

@@ -111,6 +111,7 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
     if all(options.get(name) is None for name in _SAY_WHAT_IS_MEANT):
         _warn_of_one_value(scene)
     _warn_of_facets(scene)
+    _warn_of_what_lies_outside(scene)
     ignored = [name for name in ("cmap", "clim", "opacity") if options.get(name) is not None]
     if ignored and free and fields and all(map(is_labelled, fields)):
         warn(option_refs(ignored) + " change nothing in a picture of labels, whose colours are those of a LabelColors")
@@ -174,7 +175,7 @@ def is_labelled(field: Field) -> TypeGuard[RegularField]:
 
 def _warn_of_one_value(scene: Scene) -> None:
     """Warn of volumes whose samples are all equal: there is nothing to choose a look by."""
-    volumes = [one for one in scene.fields if one.size and not is_labelled(one)]
+    volumes = [one for one in scene.fields if one.size and not is_labelled(one) and not is_colored(one)]
     # X-rays show how thick a volume is.
     if TRAITS[scene.mode].integrates or not volumes or not all(isinstance(one, RegularField) for one in volumes):
         return
@@ -203,6 +204,28 @@ def _warn_of_facets(scene: Scene) -> None:
             f"the sphere is drawn with flat faces up to {aside:.3g} aside, more than {_MOST_ASIDE:g} slices; cut with "
             "a smaller sphere, or with a plane: pass " + option_ref("clip", "...")
         )
+
+
+def _warn_of_what_lies_outside(scene: Scene) -> None:
+    """Warn of slice planes beside the data, and of fields that give colours elsewhere."""
+    boxes = [one.bounds for one in scene.fields if one.size]
+    if not boxes:
+        return
+    (lower, upper), corners = joined_bounds(boxes), corners_of(joined_bounds(boxes))
+    for plane in scene.options["slice_planes"]:
+        heights = corners @ np.asarray(plane.normal)
+        if plane.offset is not None and not heights.min() <= plane.offset <= heights.max():
+            warn(
+                f"a slice plane lies beside the data, and is not seen: its offset is {plane.offset:.6g}, those of the "
+                f"data are {heights.min():.6g} to {heights.max():.6g}"
+            )
+    for coloring in scene.color_by:
+        others = [one.bounds for one in coloring[0] if one.size] if coloring is not None else []
+        if not others:
+            continue
+        first, last = joined_bounds(others)
+        if any(a > d or b < c for a, b, c, d in zip(lower, upper, first, last, strict=True)):
+            warn("the field of " + option_ref("color_by") + " lies beside the data, whose own colours are shown")
 
 
 def _warn_of_strays(scene: Scene) -> None:

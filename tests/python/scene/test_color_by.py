@@ -188,3 +188,11 @@ def test_bad_colours_are_refused(kind):
         ss.render(BALL, color_by=WAVE, mode="mip", size=8)
     with pytest.warns(ss.PictureWarning, match="color_map changes nothing"):
         ss.render(BALL, color_map="magma", size=8)
+
+
+def test_what_lies_beside_the_data_is_told():
+    away = ss.RegularField(WAVE, origin=(100, 0, 0))
+    with pytest.warns(ss.PictureWarning, match="color_by lies beside the data"):
+        ss.render(ss.RegularField(BALL), color_by=away, size=8)
+    with pytest.warns(ss.PictureWarning, match="offset is 1000"):
+        ss.render(ss.RegularField(BALL), slice_planes=ss.SlicePlane((0, 0, 1), 1000), size=8)

@@ -6,6 +6,7 @@ import io
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image as Pillow
 
 from sheetsplat._checks import Triple
 from sheetsplat.image import Image
@@ -13,6 +14,8 @@ from sheetsplat.image import Image
 # Stages that are soon replaced are compressed with losses, which takes a fourth of the time; the last one is exact.
 _JPEG_QUALITY = 88
 _FAST = 1
+# Pillow's formats are loaded now: a frame must not need a file to be opened.
+Pillow.preinit()
 
 
 def levels(image: Image, background: Triple) -> NDArray[np.uint8]:
@@ -39,8 +42,6 @@ def levels(image: Image, background: Triple) -> NDArray[np.uint8]:
 
 def encoded(picture: NDArray[np.uint8], *, exact: bool) -> tuple[str, bytes]:
     """Return the kind, "png" or "jpeg", and the bytes of a compressed picture."""
-    from PIL import Image as Pillow
-
     stream = io.BytesIO()
     made = Pillow.fromarray(picture)
     if exact:

@@ -411,9 +411,10 @@ struct CpuRenderer::State {
     std::vector<double> draw_tiles(const Job& job, const TileLayout& layout, const SliceRecord* record, Report& tell,
                                    Image& image) {
         const TileFunctions<T>& functions = *tile_functions<T>(chosen_instruction_set());
-        const Shading<T> shading = make_shading<T>(*job.scene, *job.camera, *job.frame, *job.plan, job.volumes);
+        Shading<T> shading = make_shading<T>(*job.scene, *job.camera, *job.frame, *job.plan, job.volumes);
         LoopSetup<T> setup = make_setup(job, shading);
         setup.record = record;
+        sum_colors_at_points(job, setup, shading);
         std::vector<TileScratch<T>>& rooms = scratch<T>();
         rooms.resize(static_cast<std::size_t>(pool->threads()));
         for (TileScratch<T>& room : rooms) {
@@ -456,6 +457,11 @@ struct CpuRenderer::State {
         for (std::size_t lattice = 0; lattice < job.regular.size(); ++lattice, ++part) {
             const Buckets<RowPart>& rows = sorted->lattices[lattice].parts;
             room.kernels[part].clear();
+            if (setup.parts[part].at_points) {
+                room.lattices.push_back({job.regular[lattice].view, job.regular[lattice].runs, job.frame,
+                                         job.plan->sampling, rows.begin(tile), rows.begin(tile)});
+                continue;
+            }
             room.lattices.push_back({job.regular[lattice].view, job.regular[lattice].runs, job.frame,
                                      job.plan->sampling, rows.begin(tile), rows.end(tile)});
             any = any || rows.begin(tile) != rows.end(tile);

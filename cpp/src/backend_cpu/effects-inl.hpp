@@ -17,6 +17,7 @@
 #include "hwy/highway.h"
 #include "light-inl.hpp"
 #include "light_volume-inl.hpp"
+#include "recolor-inl.hpp"
 #include "slab-inl.hpp"
 #include "surface_light-inl.hpp"
 
@@ -233,7 +234,8 @@ HWY_NOINLINE void go_through_effects(const Slab<T>& slab, const Kind& kind) {
     const GradientScale<T> scale(slab.shading, slab.group, slab.window.n);
     EffectRow<T> row;
     for_each_row<Kind::between>(slab, row, [&](const Columns& here, const Columns& after) {
-        if (!see(slab, kind, row, here, after)) {
+        const Columns own = slab.columns_of_group(row.y, 0, here);
+        if (!see(slab, kind, row, own, Kind::between ? slab.columns_of_group(row.y, 1, after) : after)) {
             return;
         }
         find_gradients_of<perspective, Kind::between>(slab, row, scale);
@@ -243,6 +245,7 @@ HWY_NOINLINE void go_through_effects(const Slab<T>& slab, const Kind& kind) {
         if (!classify<perspective, false>(kind, row)) {
             return;
         }
+        recolor<Kind::between && Kind::has_opacity, Kind::between>(slab, row);
         shade_colors<perspective>(slab, row, scale);
         put<!Kind::has_opacity>(slab, row);
     });

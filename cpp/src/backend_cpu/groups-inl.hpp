@@ -99,68 +99,10 @@ struct Mixture {
     }
 };
 
-/// Puts the colours of other fields in the place of a group's own, of what has an opacity, where any is not empty.
-/// ramps: of the interval behind the slice; else at `share` slice distances behind it.
-template <bool ramps, bool between, class T>
-HWY_NOINLINE void recolor(const std::vector<GroupSlab<T>>& slabs, const GroupSlab<T>& of, EffectRow<T>& row) {
-    using V = typename Slab<T>::V;
-    const typename Slab<T>::D d;
-    const V zero = hn::Zero(d);
-    const GroupRange range = of.slab.group.colors;
-    if (range.first == range.last) {
-        return;
-    }
-    const auto columns = [&](const Slab<T>& slab, int ahead) {
-        return slab.columns_of_group(row.y, ahead, {row.begin, row.past});
-    };
-    std::vector<Columns> here, after;
-    for (std::size_t number = range.first; number < range.last; ++number) {
-        here.push_back(columns(slabs[number].slab, 0));
-        after.push_back(columns(slabs[number].slab, 1));
-    }
-    row.for_each(row.alpha, [&](int x, int place, auto visible) {
-        Color<typename Slab<T>::D> sum{zero, zero, zero};
-        auto any = hn::FirstN(d, 0);
-        for (std::size_t number = range.first; number < range.last; ++number) {
-            const Slab<T>& slab = slabs[number].slab;
-            const auto reached = [&](int ahead, const Columns& kept) {
-                return slab.reached(d, slab.within(d, visible, x, kept), ahead, row.y, x);
-            };
-            auto there = reached(0, here[number - range.first]);
-            V rho = slab.rho(d, 1, row.y, x);
-            Color<typename Slab<T>::D> own;
-            if constexpr (between) {
-                there = hn::Or(there, reached(1, after[number - range.first]));
-            }
-            if constexpr (ramps) {
-                ramp_absorption(d, slab.group.ramps, rho, slab.rho(d, 2, row.y, x), there, own);
-            } else {
-                if constexpr (between) {
-                    const V share = hn::Load(d, row.share + place);
-                    rho = hn::MulAdd(share, hn::Sub(slab.rho(d, 2, row.y, x), rho), rho);
-                }
-                with_table(slab, [&](const auto& table) {
-                    typename std::decay_t<decltype(table)>::Place found;
-                    table.opacity(d, rho, found);
-                    own = table.color(d, found);
-                });
-            }
-            sum = {hn::Add(sum.red, hn::IfThenElseZero(there, own.red)),
-                   hn::Add(sum.green, hn::IfThenElseZero(there, own.green)),
-                   hn::Add(sum.blue, hn::IfThenElseZero(there, own.blue))};
-            any = hn::Or(any, there);
-        }
-        const Color<typename Slab<T>::D> before = row.color(d, place);
-        row.set_color(d, place,
-                      {hn::IfThenElse(any, sum.red, before.red), hn::IfThenElse(any, sum.green, before.green),
-                       hn::IfThenElse(any, sum.blue, before.blue)});
-    });
-}
-
 /// What a group takes of a row, and its colours. Returns whether there is anything.
 template <bool perspective, class Kind, class T>
-HWY_INLINE bool take(const std::vector<GroupSlab<T>>& slabs, const GroupSlab<T>& of, const Kind& kind,
-                     EffectRow<T>& row, const Columns& here, const Columns& after) {
+HWY_INLINE bool take(const GroupSlab<T>& of, const Kind& kind, EffectRow<T>& row, const Columns& here,
+                     const Columns& after) {
     const Columns own = of.slab.columns_of_group(row.y, 0, here);
     if (!see(of.slab, kind, row, own, Kind::between ? of.slab.columns_of_group(row.y, 1, after) : after)) {
         return false;
@@ -170,7 +112,7 @@ HWY_INLINE bool take(const std::vector<GroupSlab<T>>& slabs, const GroupSlab<T>&
     if (!classify<perspective, true>(kind, row)) {
         return false;
     }
-    recolor<Kind::between, Kind::between>(slabs, of, row);
+    recolor<Kind::between, Kind::between>(of.slab, row);
     shade_colors<perspective>(of.slab, row, of.scale);
     return true;
 }
@@ -189,7 +131,7 @@ HWY_NOINLINE void mix_groups(const Slab<T>& first) {
                 continue;
             }
             bool some = false;
-            const auto take_of = [&](const auto& kind) { some = take<perspective>(slabs, of, kind, row, here, after); };
+            const auto take_of = [&](const auto& kind) { some = take<perspective>(of, kind, row, here, after); };
             if (first.shading.preintegration) {
                 take_of(Intervals<T>(of.slab));
             } else {
@@ -441,7 +383,7 @@ HWY_NOINLINE void find_all_crossings(const Slab<T>& first) {
                                              elements(d, table.falling_opacities, rank));
             return hn::IfThenElseZero(seen, opacity);
         });
-        recolor<false, true>(slabs, of, row);
+        recolor<false, true>(of.slab, row);
         shade_colors<perspective>(of.slab, row, of.scale);
         row.for_each(row.alpha, [&](int x, int number, auto visible) {
             const std::ptrdiff_t at = first.in_plane(row.y) + x;

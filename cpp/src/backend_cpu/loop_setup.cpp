@@ -164,6 +164,39 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     return setup;
 }
 
+template <class T>
+void sum_colors_at_points(const Job& job, LoopSetup<T>& setup, Shading<T>& shading) {
+    const std::vector<Group> groups = groups_drawn(*job.scene);
+    for (std::size_t part = 0; part < job.regular.size(); ++part) {
+        const FieldView& view = *job.regular[part].view;
+        const std::size_t number = group_drawn_of(*job.scene, job.regular[part].field);
+        const Group& group = groups[number];
+        const GroupSheets<T>& sheets = setup.groups[number];
+        const Kernel& kernel = view.field->kernel();
+        const double radius = view.field->options().radius;
+        const bool by_sums = sheets.weight_channel < 0 && sheets.own.empty() && !view.field->has_holes();
+        // (Kernels of BCC lattices, and those that a filter has widened, are no spheres in units of the samples.)
+        const bool are_spheres = view.field->lattice() == Lattice::cartesian && !job.plan->filter;
+        if (group.use.role != GroupRole::colors || group.last - group.first != 1 || setup.record != nullptr ||
+            setup.slab || !by_sums || !are_spheres || 2.0 * radius + 1.0 > PointLattice::most_samples) {
+            continue;
+        }
+        PointLattice lattice;
+        lattice.field = view.field;
+        lattice.first_eye = view.first_eye;
+        lattice.to_index = glm::inverse(glm::dmat3(view.step_i, view.step_j, view.step_k));
+        lattice.radius = radius;
+        lattice.falloff_log2 = kernel.falloff * log2_e / (radius * radius);
+        lattice.edge = kernel.edge();
+        lattice.counted_from = view.field->counted_from();
+        lattice.value_scale = view.value_scale;
+        shading.groups[number].summed_at_points = lattice;
+        setup.parts[part].at_points = true;
+    }
+}
+
+template void sum_colors_at_points<float>(const Job&, LoopSetup<float>&, Shading<float>&);
+template void sum_colors_at_points<double>(const Job&, LoopSetup<double>&, Shading<double>&);
 template LoopSetup<float> make_setup<float>(const Job&, const Shading<float>&);
 template LoopSetup<double> make_setup<double>(const Job&, const Shading<double>&);
 

@@ -63,7 +63,7 @@ HWY_NOINLINE void shade_group(const Slab<T>& slab, bool straight) {
     };
     if (shows_surfaces(shading.mode)) {
         shade(Crossings<T>(slab));
-    } else if (shading.second_order) {
+    } else if (shading.second_order && shading.groups.size() == 1) {
         by_projection(shading, [&](auto perspective) {
             go_through_effects<decltype(perspective)::value>(slab, SecondOrder<T>(slab));
         });
@@ -107,10 +107,10 @@ HWY_INLINE void shade_slab(const Shading<T>& shading, const TileShape& shape, co
         cuts ? find_extreme<true>(slab) : find_extreme<false>(slab);
     } else if (traits_of(shading.mode).mean) {
         cuts ? add_counted<true>(slab) : add_counted<false>(slab);
-    } else if (groups > 1 || shading.several_surfaces) {
+    } else if (shading.several_shown || shading.several_surfaces) {
         shade_groups(slab);
     } else {
-        shade_group(slab, !shading.by_effects && !cuts);
+        shade_group(Slab<T>(shading, shape, window, picture, shading.shown), !shading.by_effects && !cuts);
     }
 }
 

@@ -204,10 +204,17 @@ Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& f
         shading.groups.push_back(group_of<T>(groups[n], inputs.groups[n], plan));
         shading.groups.back().colors = colors_of(groups, n);
     }
+    const auto is_shown = [](const GroupShading<T>& group) { return group.classified; };
+    const auto shown = std::find_if(shading.groups.begin(), shading.groups.end(), is_shown);
+    if (shown != shading.groups.end()) {
+        shading.shown = static_cast<std::size_t>(shown - shading.groups.begin());
+        shading.several_shown = std::count_if(shown, shading.groups.end(), is_shown) > 1;
+    }
     const bool surface = shows_surfaces(plan.mode);
     const bool opaque = std::all_of(shading.groups.begin(), shading.groups.end(),
                                     [](const GroupShading<T>& group) { return all_opaque(group.surfaces); });
-    shading.several_surfaces = surface && (groups.size() > 1 || shading.groups.front().surfaces.size() != 1 || !opaque);
+    shading.several_surfaces =
+        surface && (shading.several_shown || shading.groups[shading.shown].surfaces.size() != 1 || !opaque);
     // Of opaque isosurfaces every pixel that has one is opaque.
     shading.stop = surface && opaque ? T(0.5) : static_cast<T>(inputs.opacity_stop);
     shading.scalar_step = number<T>(inputs.scalar_step);
@@ -228,6 +235,7 @@ Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& f
     shading.axis_y = frame.axis_y - 0.5;
     shading.pixel = frame.pixel;
     add_effects(scene, camera, frame, plan, inputs, volumes, shading);
+    shading.by_effects = shading.by_effects || shading.groups.size() > 1;
     return shading;
 }
 

@@ -79,6 +79,10 @@ struct Slab {
     }
     /// Lanes whose point of slice n (ahead 1: n + 1) some kernel reaches, where that is looked at.
     HWY_INLINE M reached(D d, M mask, int ahead, int y, int x) const {
+        return reached(d, mask, ahead, y, x, rho(d, 1 + ahead, y, x));
+    }
+    /// The same of points whose rho is known.
+    HWY_INLINE M reached(D d, M mask, int ahead, int y, int x, V found) const {
         if (!shading.empty_test) {
             return mask;
         }
@@ -86,7 +90,7 @@ struct Slab {
             return hn::And(mask, weighs(d, hn::LoadU(d, sheets.weight[ahead] + in_sheet(y) + x)));
         }
         // Where rho is not 0 some kernel has added to it.
-        const M unsure = hn::And(mask, hn::Eq(rho(d, 1 + ahead, y, x), hn::Zero(d)));
+        const M unsure = hn::And(mask, hn::Eq(found, hn::Zero(d)));
         if (hn::AllFalse(d, unsure)) {
             return mask;
         }

@@ -2,7 +2,10 @@
 // view/shading_inputs: the transfer function, lights, material, scales. Source: conventions, sections 4 to 7.
 #pragma once
 
+#include <optional>
 #include <vector>
+
+#include <glm/mat3x3.hpp>
 
 #include "backend_cpu/surface_table.hpp"
 #include "backend_cpu/transfer_table.hpp"
@@ -33,20 +36,35 @@ struct KeptHalfSpace {
     double distance = 0.0; ///< with what a point on the plane is allowed
 };
 
+/// A lattice whose kernels are summed at single points. Kernels are spheres in units of the samples.
+struct PointLattice {
+    /// Of an axis, that a kernel may reach a point from.
+    static constexpr int most_samples = 8;
+    const RegularField* field = nullptr;
+    Vec3 first_eye{0.0};       ///< of sample (0, 0, 0)
+    glm::dmat3 to_index{1.0};  ///< from eye space
+    double radius = 2.0;       ///< in samples
+    double falloff_log2 = 0.0; ///< k log2(e), over the square of the radius
+    double edge = 0.0;         ///< exp(-k)
+    double counted_from = 0.0;
+    double value_scale = 1.0;
+};
+
 /// By what a group of fields is classified.
 template <class T>
 struct GroupShading {
     TransferTable<T> transfer;
-    RampTable<T> ramps;                      ///< preintegration only
-    std::vector<ShadingSurface<T>> surfaces; ///< mode isosurface only: those that show
-    SurfaceTable<T> surface_table;           ///< of these
-    double weakest_gradient = 0.0;           ///< g0
-    double full_gradient = 1.0;              ///< g1
-    T least_weight = 0, base = 0;            ///< ShadingInputs::OfGroup
-    std::vector<KeptHalfSpace> kept;         ///< where its fields end, if other groups' do not end there
-    bool classified = true;                  ///< else its rho is there for other groups
-    bool counts = true;                      ///< its weights are part of the coverage
-    GroupRange colors;                       ///< the groups whose colours take the place of its own
+    RampTable<T> ramps;                           ///< preintegration only
+    std::vector<ShadingSurface<T>> surfaces;      ///< mode isosurface only: those that show
+    SurfaceTable<T> surface_table;                ///< of these
+    double weakest_gradient = 0.0;                ///< g0
+    double full_gradient = 1.0;                   ///< g1
+    T least_weight = 0, base = 0;                 ///< ShadingInputs::OfGroup
+    std::vector<KeptHalfSpace> kept;              ///< where its fields end, if other groups' do not end there
+    bool classified = true;                       ///< else its rho is there for other groups
+    bool counts = true;                           ///< its weights are part of the coverage
+    GroupRange colors;                            ///< the groups whose colours take the place of its own
+    std::optional<PointLattice> summed_at_points; ///< its rho is asked for at single points: it has no sheets
 };
 
 /// How much of the light from somewhere reaches a point: a number between 0 and 1 in a LightVolume. The places of its
@@ -95,7 +113,7 @@ struct Shading {
     bool lit = false;
     bool cuts = false; ///< clip, depth limit or the cell of a part take points of slices away
     /// Rows go through the effects one after the other, and not only where points are taken away: of what follows,
-    /// anything is on, or preintegration of second order.
+    /// anything is on, or preintegration of second order; or groups end apart, or colours are those of others.
     bool by_effects = false;
     bool analytic_gradient = false;
     bool gradient_opacity = false;
@@ -110,6 +128,8 @@ struct Shading {
     /// Mode isosurface: more than one surface, or a translucent one.
     bool several_surfaces = false;
     std::vector<GroupShading<T>> groups; ///< as groups_drawn: at least one
+    std::size_t shown = 0;               ///< the first of them that is classified
+    bool several_shown = false;          ///< more than one is
 
     T exponent = T(1); ///< slice spacing over reference length
     /// Pixels end at this opacity; isosurfaces that are all opaque: anything between 0 and 1.

@@ -32,7 +32,8 @@ struct PartProfile {
     int weight_channel = -1; ///< -1: weights are not summed
     /// The first of three: derivatives over columns, rows and slices. -1: not summed.
     int slope_channel = -1, weight_slope_channel = -1;
-    double pivot = 0.0; ///< what values are counted from
+    double pivot = 0.0;     ///< what values are counted from
+    bool at_points = false; ///< nothing is splatted: GroupShading::summed_at_points
 };
 
 /// A field that is divided by its own weights before fields are added.

@@ -115,7 +115,7 @@ class PointSums {
         const Axis i(place.x, lattice_.radius, static_cast<T>(lattice_.falloff_log2), shape_[2]);
         const Axis j(place.y, lattice_.radius, static_cast<T>(lattice_.falloff_log2), shape_[1]);
         const Axis k(place.z, lattice_.radius, static_cast<T>(lattice_.falloff_log2), shape_[0]);
-        if (i.first >= i.past) {
+        if (i.first >= i.past || j.first >= j.past || k.first >= k.past) {
             return T(0);
         }
         const auto edge = hn::Set(d, static_cast<T>(lattice_.edge)), zero = hn::Zero(d);
@@ -123,27 +123,41 @@ class PointSums {
         const auto high = hn::Set(d, static_cast<T>(lattice_.counted_from));
         const auto low = hn::Set(
             d, static_cast<T>(lattice_.counted_from - static_cast<double>(static_cast<T>(lattice_.counted_from))));
+        // Rows lie alike in all layers.
+        std::ptrdiff_t rows[room];
+        const auto row_begin = [&](std::int64_t row, std::int64_t layer) {
+            return static_cast<std::ptrdiff_t>(
+                field_.row(static_cast<std::size_t>(row), static_cast<std::size_t>(layer)) +
+                static_cast<std::size_t>(i.first));
+        };
+        for (std::int64_t row = j.first; row < j.past; ++row) {
+            rows[row - j.first] = row_begin(row, k.first);
+        }
+        const auto last_whole = static_cast<std::ptrdiff_t>(size) - room;
         // (Two sums, so that no addition waits for the one before. Rows beyond the support add 0.)
         auto all = zero, other = zero;
         for (std::int64_t layer = k.first; layer < k.past; ++layer) {
             const T of_layer = k.bells[layer - k.first];
+            const std::ptrdiff_t farther = row_begin(j.first, layer) - rows[0];
             for (std::int64_t row = j.first; row < j.past; ++row) {
                 const auto of_row = hn::Set(d, of_layer * j.bells[row - j.first]);
-                const auto at_j = static_cast<std::size_t>(row), at_k = static_cast<std::size_t>(layer);
-                const std::size_t first = field_.row(at_j, at_k) + static_cast<std::size_t>(i.first);
-                const SampleRange kernels = field_.kernels_of_row(at_j, at_k);
-                const bool whole = kernels.begin <= i.first && i.past <= kernels.end && first + room <= size;
+                const Value* from = samples + rows[row - j.first] + farther;
+                bool whole = from - samples <= last_whole;
+                if (!lattice_.all_kernels) {
+                    const SampleRange kernels = kernels_of(row, layer);
+                    whole = whole && kernels.begin <= i.first && i.past <= kernels.end;
+                }
                 HWY_ALIGN T copy[room];
                 if (!fits<Value> || HWY_UNLIKELY(!whole)) {
-                    copy_row(samples + first, i, kernels, copy);
+                    copy_row(from, i, row, layer, copy);
                 }
                 for (int at = 0; at < room; at += narrow) {
                     const auto bell = hn::Mul(of_row, hn::Load(d, i.bells + at));
                     const auto t = hn::Max(hn::Sub(bell, edge), zero);
                     auto value = zero;
                     if constexpr (fits<Value>) {
-                        value = HWY_LIKELY(whole) ? hn::Sub(hn::Sub(load(samples + first + at), high), low)
-                                                  : hn::Load(d, copy + at);
+                        value =
+                            HWY_LIKELY(whole) ? hn::Sub(hn::Sub(load(from + at), high), low) : hn::Load(d, copy + at);
                     } else {
                         value = hn::Load(d, copy + at);
                     }
@@ -155,9 +169,14 @@ class PointSums {
         return hn::GetLane(hn::SumOfLanes(d, hn::Add(all, other))) * static_cast<T>(lattice_.value_scale);
     }
 
+    [[nodiscard]] HWY_INLINE SampleRange kernels_of(std::int64_t row, std::int64_t layer) const {
+        return field_.kernels_of_row(static_cast<std::size_t>(row), static_cast<std::size_t>(layer));
+    }
+
     /// f - b of an axis' samples in a row; 0 where none is.
     template <class Value>
-    HWY_NOINLINE void copy_row(const Value* from, const Axis& i, const SampleRange& kernels, T* copy) const {
+    HWY_NOINLINE void copy_row(const Value* from, const Axis& i, std::int64_t row, std::int64_t layer, T* copy) const {
+        const SampleRange kernels = kernels_of(row, layer);
         for (int at = 0; at < room; ++at) {
             const std::int64_t sample = i.first + at;
             const bool is_kernel = sample < i.past && sample >= kernels.begin && sample < kernels.end;

@@ -73,6 +73,14 @@ double reach_of(const Scene& scene, const Field& field, const Camera& camera, Si
     return stencil + (scene.filter == Filter::ewa ? field.kernel().deviations() * std::max(width, spacing) : 0.0);
 }
 
+/// Lattices that end in one place, with kernels that reach as far across the ends.
+bool ends_alike(const Field& a, const Field& b) {
+    const RegularField* const of_a = as_regular(&a);
+    const RegularField* const of_b = as_regular(&b);
+    return of_a != nullptr && of_b != nullptr && a.domain() == b.domain() && of_a->steps() == of_b->steps() &&
+           of_a->lattice() == of_b->lattice() && of_a->options().radius == of_b->options().radius;
+}
+
 } // namespace
 
 CountedFields::Entry& CountedFields::entry_of(const std::shared_ptr<const Field>& field) {
@@ -91,8 +99,17 @@ std::string CountedFields::why_shown(const Scene& scene, const Camera& camera, S
         return "coverage counts all that kernels reach inside the volume";
     }
     std::size_t number = 0;
+    const Field* shown = nullptr;
     for (const Group& group : scene.groups()) {
         const std::size_t own = number++;
+        if (group.use.role == GroupRole::colors) {
+            // What is looked at below, of what takes the colours, holds for lattices that lie like it alone.
+            if (scene.fields[group.first]->domain() && !ends_alike(*scene.fields[group.first], *shown)) {
+                return "colours are those of a field that ends";
+            }
+            continue;
+        }
+        shown = scene.fields[group.first].get();
         if (!scene.fields[group.first]->domain() || !is_classified(group)) {
             continue;
         }

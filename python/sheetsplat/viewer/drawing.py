@@ -13,8 +13,6 @@ from sheetsplat.scene import Scene
 from sheetsplat.viewer.data import Shown
 from sheetsplat.viewer.state import State
 
-_FIRST_SECONDS = 0.05
-
 
 def renderer_of(shown: Shown, state: State) -> Renderer:
     """Return a renderer with the settings of a state."""
@@ -24,9 +22,18 @@ def renderer_of(shown: Shown, state: State) -> Renderer:
 
 
 def pictures_of(
-    shown: Shown, renderer: Renderer, scene: Scene, state: State, size: tuple[int, int], progress: Progress
+    shown: Shown,
+    renderer: Renderer,
+    scene: Scene,
+    state: State,
+    size: tuple[int, int],
+    progress: Progress,
+    first_seconds: float,
 ) -> Iterable[Image]:
-    """Return the pictures of a scene as they are drawn; of data in bricks there is one. Raises what drawing raises."""
+    """Return the pictures of a scene as they are drawn; of data in bricks there is one. Raises what drawing raises.
+
+    first_seconds: as for `Renderer.progressive`.
+    """
     if any_in_bricks(scene.fields):
         return [draw_in_bricks(renderer.settings, scene, state.camera, size, (), progress, client=shown.client)]
-    return renderer.progressive(scene, state.camera, size=size, progress=progress, first_seconds=_FIRST_SECONDS)
+    return renderer.progressive(scene, state.camera, size=size, progress=progress, first_seconds=first_seconds)

@@ -403,14 +403,18 @@ class Session:
             resumed = time.perf_counter()
             if any_in_bricks(scene.fields) and not self._rested(version):
                 return
-            for image in pictures_of(self.shown, self._renderer, scene, state, size, progress):
-                first = time.perf_counter() - resumed if stage == 1 else None
-                self._frame(image, state, version, 1000.0 * (time.perf_counter() - began))
+            first = self._previews.first_seconds(scene, state, previewed=previewed)
+            for image in pictures_of(self.shown, self._renderer, scene, state, size, progress, first):
+                seconds = time.perf_counter() - resumed
+                last = self._frame(image, state, version, 1000.0 * (time.perf_counter() - began))
+                if stage == 1:
+                    self._previews.note(scene, state, seconds)
+                if last:
+                    self._previews.note_last(scene, state, seconds)
                 stage += 1
-                if first is not None:
-                    self._previews.note(scene, state, first)
                 if self._superseded(version):
                     return
+                resumed = time.perf_counter()
         except Cancelled:
             return
         except Error as error:
@@ -463,10 +467,11 @@ class Session:
         if back:
             self._tell_state(clients)
 
-    def _frame(self, image: Image, state: State, version: int, milliseconds: float, *, preview: bool = False) -> None:
+    def _frame(self, image: Image, state: State, version: int, milliseconds: float, *, preview: bool = False) -> bool:
+        """Show a picture; return whether it is complete."""
         told = frame_message(image, state, milliseconds, preview=preview)
-        last = told["last"]
-        kind, payload = frames.encoded(frames.levels(image, self._behind(state)), exact=last)
+        last: bool = told["last"]
+        kind, payload = frames.encoded(frames.levels(image, state.changes.get("backdrop", _BEHIND)), exact=last)
         self._number += 1
         message = {**told, "number": self._number, "kind": kind, **self._history.steps}
         if last:
@@ -480,11 +485,7 @@ class Session:
             client.show(message, payload)
         if last and not self._superseded(version):
             self._tell(about(image, self._costs))
-
-    def _behind(self, state: State) -> Triple:
-        """Return the colour behind transparent pixels."""
-        found: Triple = state.changes.get("backdrop", _BEHIND)
-        return found
+        return last
 
     # What pages ask for, done by the thread that draws.
 

@@ -17,6 +17,7 @@ from sheetsplat.choose.picture import fitted
 from sheetsplat.describe.schema import plain
 from sheetsplat.fields import RegularField, joined_bounds
 from sheetsplat.framing import fitting_depth_cue
+from sheetsplat.labels import LabelColors
 from sheetsplat.look.channel_light import is_light
 from sheetsplat.look.surface import surface_color, surface_limits
 from sheetsplat.modes import TRAITS
@@ -130,8 +131,11 @@ def camera_towards(
 
 def _functions_of(shown: Shown, scene: Scene, surfaces: tuple[Surface, ...]) -> Any:
     """Return transfer functions that give each surface its colour."""
-    functions = []
+    functions: list[TransferFunction] = []
     for n, own in enumerate(scene.transfer_functions):
+        if isinstance(own, LabelColors):
+            functions.append(own)
+            continue
         automatic = _surface_function(shown, scene, surfaces) if n == 0 and _is_automatic(shown) else own
         rows: dict[float, Triple] = {}
         for one in surfaces:
@@ -154,7 +158,8 @@ def _surface_function(shown: Shown, scene: Scene, surfaces: tuple[Surface, ...])
 
 def has_looks(scene: Scene) -> bool:
     """Return whether a scene shows the transfer functions of its groups."""
-    return TRAITS[scene.mode].is_composited or is_light(scene)
+    labels = all(isinstance(one, LabelColors) for one in scene.transfer_functions)
+    return TRAITS[scene.mode].is_composited or is_light(scene) or (labels and TRAITS[scene.mode].shows_surfaces)
 
 
 def coloring_of(shown: Shown, state: State) -> dict[str, Any]:

@@ -63,6 +63,8 @@ def test_labels_have_colors_opacities_and_switches(opened):
     assert np.array_equal(drawn(page)[0], first)
     picture, state = drawn(page, look={"shown": False})
     assert not session.scene().transfer_function.colors and not picture.any()
+    picture, state = drawn(page, mode="isosurface", look={"shown": True, "labels": {"1": {"shown": False}}})
+    assert picture.any() and not state["looks"][0]["labels"][0][4]
 
 
 @pytest.mark.parametrize(

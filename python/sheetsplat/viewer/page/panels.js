@@ -95,7 +95,7 @@ function lookPanel(set, offered) {
     if (!state) return;
     coloring.show(state, data);
     function_.hidden = !state.looks.length;
-    surfaces.hidden = state.fold !== "surfaces";
+    surfaces.hidden = state.fold !== "surfaces" || !function_.hidden;
     scalar.hidden = COLORED.includes(state.fold) || !function_.hidden;
     if (!function_.hidden) {
       group = Math.min(group, state.looks.length - 1);

@@ -39,6 +39,7 @@ from sheetsplat.fields import EllipsoidField, Field, RegularField, any_in_bricks
 from sheetsplat.fields.labelled import with_labels
 from sheetsplat.image import Image
 from sheetsplat.labels import LabelColors
+from sheetsplat.look.channel_light import adds_light
 from sheetsplat.look.decades import in_decades
 from sheetsplat.look.measure import with_values
 from sheetsplat.notices import warn
@@ -382,6 +383,9 @@ def _chosen(opened: Opened, options: Any, asked: Asked, size: tuple[int, int], o
     wanted = [*(name for name, value in look.items() if value is not False), *outputs]
     wanted += [name for name in ("weight",) if options.get(name) is not None]
     mode = choice("render: mode", look.get("mode", suggested.get("mode", MODES[0])), MODES)
+    if isinstance(look.get("transfer_function"), list | tuple) and adds_light(opened.fields, mode):
+        # The light of channels has their colours and limits.
+        wanted.remove("transfer_function")
     if ignored := unused(mode, wanted):
         warn(f"mode {mode} does not use these options: " + option_refs(ignored))
     return choose(opened.fields, options, asked, size, made=_is_made(data), suggested=suggested)

@@ -30,6 +30,9 @@ CHANGES: dict[str, list[Any]] = {
     "max_error": [0.01],
     "max_seconds": [0.5],
     "effects": [{"opacity_correction": False, "elimination": True}, {}],
+    "slice_planes": [[{"normal": [0, 0, 1], "offset": 6.0}], []],
+    "color_by": ["heat", None],
+    "color_map": ["magma"],
     "shows": [{"box": True, "scale": True}, {}],
     "measures": [[[[0, 0, 0], [3, 4, 0]], [[0, 0, 0], [3, 4, 0], [1, 1, 1]]], []],
     "settings": [{"threads": 1}],
@@ -41,5 +44,8 @@ CHANGES: dict[str, list[Any]] = {
         {"group": 0, "word": "isolayers:4"},
         {"group": 0, "word": "sigmoid", "range": [10, 80]},
         {"group": 0, "automatic": True},
+        {"group": 0, "color": "#ff8000"},
+        {"group": 0, "shown": False},
+        {"group": 0, "labels": {"1": {"shown": False, "opacity": 0.5, "color": "#ff0000"}}},
     ],
 }

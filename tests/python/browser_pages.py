@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import base64
 import io
+import shutil
+import subprocess
 import time
 from contextlib import contextmanager
 
 import numpy as np
+import pytest
 from PIL import Image as Pillow
 
 import sheetsplat as ss
@@ -19,6 +22,7 @@ height === Math.round(stage.clientHeight * ratio))(window.sheetsplat.view.drawn.
 document.querySelector('.stage'), Math.min(window.devicePixelRatio || 1, 1.5))"""
 # The panels stand beside the picture from 760 pixels on; the picture is small, so that it is drawn soon.
 SIZE = (780, 480)
+NARROW = (390, 760)
 
 
 def values(n=16, shift=0.0):
@@ -78,6 +82,32 @@ def saved(path, seconds=240):
         assert time.monotonic() < end
         time.sleep(0.05)
     return path.read_bytes()
+
+
+def fetched_rules(folder):
+    """Return the script of axe-core, which npm fetches."""
+    if not shutil.which("npm"):
+        pytest.skip("no npm, which fetches axe-core")
+    packed = ["npm", "pack", "axe-core@4", "--silent", "--pack-destination", str(folder)]
+    fetched = subprocess.run(packed, cwd=folder, capture_output=True, timeout=60, check=False)
+    if fetched.returncode:
+        pytest.skip("npm cannot fetch axe-core")
+    shutil.unpack_archive(next(folder.glob("*.tgz")), folder)
+    return (folder / "package" / "axe.min.js").read_text()
+
+
+def serious(page, rules):
+    """Return what accessibility rules find that is serious or critical."""
+    page.evaluate(rules + ";0")
+    return page.evaluate(
+        "axe.run(document, {resultTypes: ['violations']}).then((found) => found.violations"
+        ".filter((one) => ['serious', 'critical'].includes(one.impact))"
+        ".map((one) => [one.id, one.nodes.map((node) => node.html.slice(0, 120)).slice(0, 3)]))"
+    )
+
+
+def open_all(page):
+    page.evaluate("document.querySelectorAll('details').forEach(d => { d.open = true })")
 
 
 @contextmanager

@@ -163,14 +163,18 @@ def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
     from sheetsplat.fields import Lattice, RegularField, as_samples
     from sheetsplat.io.axes import directions, placement
     from sheetsplat.io.kernels import logarithm
-    from sheetsplat.io.opening import kind_of, open_scattered, read_regular
+    from sheetsplat.io.opening import arrays, kind_of, open_scattered, read_regular
     from sheetsplat.look.decades import floor_of_samples
     from sheetsplat.look.histogram import choose_for
 
     given = {name: value for name, value in file_options(options).items() if value or isinstance(value, str)}
     if options["step"] is not None:
         given["step"] = options["step"]
-    if kind_of(path, given).scattered:
+    kind = kind_of(path, given)
+    known = arrays(path, given)
+    if known.names and known.shown is None and not {"name", "scalar"} & given.keys():
+        return {"file": str(path), "format": kind.name, "arrays": list(known.names)}
+    if kind.scattered:
         data, field = open_scattered(path, given)
         told = {"points": len(data.points), "scalar": data.scalar, "scalars": list(data.scalars)}
         what = {"file": str(path), "format": data.format, **told, "details": data.details}
@@ -187,6 +191,7 @@ def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
         "format": volume.format,
         "samples": list(samples.shape[::-1]),
         "type": str(volume.values.dtype.name),
+        **({"arrays": list(known.names)} if len(known.names) > 1 else {}),
         **({"channels": [one.channel.name for one in (volume, *others)]} if others else {}),
         **({"colors": volume.values.shape[3]} if volume.values.ndim > 3 else {}),
         **({} if isinstance(volume.labels, bool) else {"labels": list(volume.labels.names.values())}),
@@ -215,10 +220,15 @@ def _listed(numbers: Iterable[float]) -> str:
     return ", ".join(f"{value:g}" for value in numbers)
 
 
+def _rows_of_arrays(report: dict[str, Any]) -> list[tuple[str, str]]:
+    return [("arrays", f"{', '.join(report['arrays'])}; choose with --name")] if "arrays" in report else []
+
+
 def _regular_rows(report: dict[str, Any]) -> list[tuple[str, str]]:
     colors = {3: ", red, green, blue", 4: ", red, green, blue, opacity"}[report["colors"]] if "colors" in report else ""
     channels = report.get("channels", ())
     return [
+        *_rows_of_arrays(report),
         ("samples", " x ".join(map(str, report["samples"])) + f" (x, y, z), {report['type']}{colors}"),
         *(
             [("channels", f"{', '.join(channels)}; what follows is of the first: choose with --name")]
@@ -267,8 +277,11 @@ def _table(report: dict[str, Any]) -> list[str]:
     rows = [
         ("file", report["file"]),
         ("format", report["format"] + (f", {report['content']}" if "content" in report else "")),
-        *(_scattered_rows(report) if "kernels" in report else _regular_rows(report)),
     ]
+    if "nan" not in report:
+        # One of them must be chosen.
+        return [f"{name:<12}{text}" for name, text in (*rows, *_rows_of_arrays(report))]
+    rows += _scattered_rows(report) if "kernels" in report else _regular_rows(report)
     if report["nan"] or report["infinite"]:
         rows.append(("not finite", f"{report['nan']} NaN, {report['infinite']} infinite"))
     if "minimum" in report:

@@ -6,7 +6,8 @@ by what the header says. `formats` lists the formats; `opening` reads files of a
 
 from sheetsplat.io.formats import Format
 from sheetsplat.io.kernels import field_of
-from sheetsplat.io.opening import read_scattered, read_volume
+from sheetsplat.io.names import Names
+from sheetsplat.io.opening import arrays, read_scattered, read_volume
 from sheetsplat.io.records import Channel, Packing, Scattered, Volume
 from sheetsplat.io.source import Folder, Source
 from sheetsplat.io.tables import save_npz
@@ -15,10 +16,12 @@ __all__ = [
     "Channel",
     "Folder",
     "Format",
+    "Names",
     "Packing",
     "Scattered",
     "Source",
     "Volume",
+    "arrays",
     "field_of",
     "read_scattered",
     "read_volume",

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from sheetsplat import _memory
 from sheetsplat._checks import shown, whole
 from sheetsplat.errors import Error, Words, complain, option_ref
+from sheetsplat.io import names
 
 #: A file, or the name of data in memory, for messages.
 Where = Path | str
@@ -33,7 +34,7 @@ def chosen_step(path: Where, count: int, step: int | None) -> int:
     """Return the number of a time step: `step`, else that of the only one; InvalidInput where there is no such."""
     if step is not None:
         whole("open: step", step)
-    if step is None and count > 1:
+    if step is None and count > 1 and not names.are_asked_for():
         raise unreadable(path, f"{count} time steps", "one", "pass " + option_ref("step", "0"), option="step")
     if not 0 <= (step or 0) < count:
         raise unreadable(

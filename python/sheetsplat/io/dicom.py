@@ -18,6 +18,7 @@ from sheetsplat.errors import Unsupported, complain, option_ref
 from sheetsplat.io.checks import Where, checked_shape, chosen_step, floats, listed, printable, unreadable
 from sheetsplat.io.dicom_segments import is_segmentation, labels_of, planes_of, stated_colors
 from sheetsplat.io.formats import is_dicom
+from sheetsplat.io.names import tell_names
 from sheetsplat.io.records import Floats, Packing, Volume
 from sheetsplat.io.source import Folder, Source
 from sheetsplat.orientation import PATIENT
@@ -207,10 +208,11 @@ def _series(where: Where, headers: dict[Path, Any], chosen: str | None) -> list[
     for uid, files in known.items():
         first = headers[files[0]]
         names[uid] = (_word(first, "SeriesNumber"), _word(first, "SeriesDescription"), uid)
-    fitting = [uid for uid, told in names.items() if chosen is None or chosen in told]
+    words = [word for one in names.values() for word in one]
+    tell_names(next((word for word in one if word and words.count(word) == 1), uid) for uid, one in names.items())
+    fitting = [uid for uid, one in names.items() if chosen is None or chosen in one]
     if len(fitting) != 1:
-        told = [f"{one[0]} ({one[1] or uid}, {len(known[uid])} files)" for uid, one in names.items()]
-        text = listed(told)
+        text = listed([f"{one[0]} ({one[1] or uid}, {len(known[uid])} files)" for uid, one in names.items()])
         advice = "pass " + option_ref("name", "...") + ", its number, its description or its identifier"
         found = f"{len(known)} series: {text}" if chosen is None else f"no single series {shown(chosen)}, but {text}"
         raise unreadable(where, found, "one series", advice, option="name")

@@ -11,7 +11,7 @@ import re
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from sheetsplat.errors import complain
 from sheetsplat.io.source import Folder, Source, hdf5_start, opened
@@ -66,6 +66,9 @@ class Format:
         How lists of formats name it.
     parts
         Whether FILE:/part stands for one part of a file.
+    names
+        From what its reader knows the arrays among which it chooses (`names.tell_names`): the "header", or all "data";
+        empty where files have no choice.
     steps
         "module:function", which takes a `Source`, or a `Folder`, and `name`, and returns the number of time steps, of
         which the option ``step`` chooses one, or the file of each; empty where files have one.
@@ -81,6 +84,7 @@ class Format:
     recognizes_folder: Callable[[Folder], bool] = lambda _: False
     parts: bool = False
     steps: str = ""
+    names: Literal["", "header", "data"] = ""
 
     def read(self, source: Source | Folder, **options: Any) -> Any:
         """Return what the reader makes of a file or a folder."""
@@ -264,47 +268,51 @@ _scattered = functools.partial(_volume, scattered=True)
 # The first format that recognizes a file is used.
 FORMATS: tuple[Format, ...] = (
     _volume("npy", "numpy_files:read_npy", ".npy", _begins(b"\x93NUMPY"), "name", beats_raw=True),
-    _volume("npz", "numpy_files:read_npz", ".npz", _begins(*_ZIP), "name", beats_raw=True),
+    _volume("npz", "numpy_files:read_npz", ".npz", _begins(*_ZIP), "name", beats_raw=True, names="header"),
     _volume("nrrd", "nrrd_files:read", "NRRD", _begins(b"NRRD"), "name", beats_raw=True),
     _volume("metaimage", "metaimage:read", "MetaImage (.mhd, .mha)", _is_metaimage, "name", beats_raw=True),
     _volume("nifti", "nifti:read", "NIfTI (.nii, .hdr)", _is_nifti, "name", "step",
             beats_raw=True, steps="nifti:count_steps"),
     _volume("dicom", "dicom:read", "DICOM series (a folder, or one of its files)", is_dicom, "name", "step",
-            beats_raw=True, recognizes_folder=_some(is_dicom), steps="dicom:count_steps"),
+            beats_raw=True, recognizes_folder=_some(is_dicom), steps="dicom:count_steps", names="header"),
     _volume("tiff", "tiff:read", "TIFF stacks (a file, or a folder of slices)", _is_tiff, "name", "step",
             beats_raw=True, recognizes_folder=_every(_is_tiff), steps="tiff:count_steps"),
     _volume("mrc", "mrc:read", "MRC", _is_mrc, beats_raw=True),
-    _volume("openvdb", "vdb:read", "OpenVDB", _begins(b" BDV\0\0\0\0"), "name", beats_raw=True),
+    _volume("openvdb", "vdb:read", "OpenVDB", _begins(b" BDV\0\0\0\0"), "name", beats_raw=True, names="header"),
     _volume("netcdf", "netcdf:read", "NetCDF", _is_netcdf, "name", "resample", "step",
-            parts=True, steps="netcdf:count_steps"),
+            parts=True, steps="netcdf:count_steps", names="header"),
     _volume("vtkhdf image", "vtk_hdf:read_image", "VTKHDF images", _is_hdf5("vtkhdf image"), "name", "step",
-            steps="vtk_hdf:count_steps"),
+            steps="vtk_hdf:count_steps", names="header"),
     _scattered("vtkhdf", "vtk_hdf:read", "VTKHDF meshes", _is_hdf5("vtkhdf"), "scalar", "step",
-               steps="vtk_hdf:count_steps"),
+               steps="vtk_hdf:count_steps", names="header"),
     _volume("hdf5 volume", "hdf5_volumes:read", "HDF5 with volumes (FILE:/dataset)", _is_hdf5("volume"), "name",
-            "step", "resample", parts=True, steps="hdf5_volumes:count_steps"),
+            "step", "resample", parts=True, steps="hdf5_volumes:count_steps", names="header"),
     _volume("zarr", "zarr_folders:read", "Zarr and OME-Zarr (FOLDER:/array)", _never, "name", "step",
-            "resample", recognizes_folder=_is_zarr, parts=True, steps="zarr_folders:count_steps"),
-    _scattered("meshio", "meshio_files:read", "Gmsh (.msh), MED, XDMF", _is_of_meshio, "scalar"),
-    _scattered("hdf5", "sph_hdf5:read", "HDF5 with particles", _is_any_hdf5, "scalar", "particles", "support"),
+            "resample", recognizes_folder=_is_zarr, parts=True, steps="zarr_folders:count_steps", names="header"),
+    _scattered("meshio", "meshio_files:read", "Gmsh (.msh), MED, XDMF", _is_of_meshio, "scalar", names="data"),
+    _scattered("hdf5", "sph_hdf5:read", "HDF5 with particles", _is_any_hdf5, "scalar", "particles", "support",
+               names="header"),
     _scattered("mesh", "triangle_meshes:read", ".obj and .ply of closed meshes", _is_mesh),
-    _scattered("ply", "gaussian_ply:read", ".ply of 3D Gaussian Splatting", _begins(b"ply\n", b"ply\r"), "scalar"),
-    _volume("vti", "vtk_xml.images:read", ".vti, .vtr, .pvti, .pvtr", _is_vtk_image, "name", "resample"),
+    _scattered("ply", "gaussian_ply:read", ".ply of 3D Gaussian Splatting", _begins(b"ply\n", b"ply\r"), "scalar",
+               names="data"),
+    _volume("vti", "vtk_xml.images:read", ".vti, .vtr, .pvti, .pvtr", _is_vtk_image, "name", "resample",
+            names="header"),
     _volume("vtm image", "vtk_xml.blocks:read", ".vtm and .pvd of images", _is_of_blocks(scattered=False),
-            "name", "resample", "step", parts=True, steps="vtk_xml.blocks:steps"),
+            "name", "resample", "step", parts=True, steps="vtk_xml.blocks:steps", names="header"),
     _scattered("vtm", "vtk_xml.blocks:read", ".vtm and .pvd of meshes (FILE.vtm:/block)", _is_of_blocks(scattered=True),
-               "scalar", "step", parts=True, steps="vtk_xml.blocks:steps"),
-    _scattered("vtk amr", "vtk_xml.amr:read", ".vthb", _is_amr, "scalar"),
-    _scattered("vtk", "vtk_xml.meshes:read", ".vtu, .vts, .vtp, .pvtu, .pvts, .pvtp", _is_vtk_xml, "scalar"),
+               "scalar", "step", parts=True, steps="vtk_xml.blocks:steps", names="header"),
+    _scattered("vtk amr", "vtk_xml.amr:read", ".vthb", _is_amr, "scalar", names="header"),
+    _scattered("vtk", "vtk_xml.meshes:read", ".vtu, .vts, .vtp, .pvtu, .pvts, .pvtp", _is_vtk_xml, "scalar",
+               names="header"),
     _volume("vtk legacy image", "vtk_legacy:read_volume", ".vtk of images and rectilinear grids", _is_legacy("volume"),
-            "name", "resample"),
-    _scattered("vtk legacy", "vtk_legacy:read_mesh", ".vtk", _is_legacy("mesh"), "scalar"),
-    _scattered("csv", "tables:read_csv", ".csv", _is_table, "scalar"),
+            "name", "resample", names="header"),
+    _scattered("vtk legacy", "vtk_legacy:read_mesh", ".vtk", _is_legacy("mesh"), "scalar", names="header"),
+    _scattered("csv", "tables:read_csv", ".csv", _is_table, "scalar", names="header"),
     _volume("raw", "raw:read", "raw samples", lambda source: source.suffix in _RAW_SUFFIXES,
             "shape", "dtype", "offset"),
     # Recognized only by `find_format`: by the arrays of an .npz, and by the grid of the caller.
-    _scattered("ellipsoids", "tables:read_npz", ".npz with an array centers", _never, "scalar"),
-    _scattered("plot3d", "plot3d:read", "PLOT3D solutions with a grid", _never, "grid", "scalar"),
+    _scattered("ellipsoids", "tables:read_npz", ".npz with an array centers", _never, "scalar", names="data"),
+    _scattered("plot3d", "plot3d:read", "PLOT3D solutions with a grid", _never, "grid", "scalar", names="header"),
 )  # fmt: skip
 #: All formats by their names.
 BY_NAME = {one.name: one for one in FORMATS}

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from sheetsplat.errors import option_ref
 from sheetsplat.io.checks import checked_shape, listed, require_rows, unreadable
+from sheetsplat.io.names import tell_names
 from sheetsplat.io.ply_header import Element, read_header
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import choose_scalar, unknown_scalar
@@ -241,6 +242,7 @@ def read(source: Source, scalar: str | None = None) -> Scattered:
         shown = next((name for name in _LOGITS if name in known), None)
         if shown is not None:
             known.insert(0, known.pop(known.index(shown)))
+        tell_names(known, shown)
         name = shown if scalar is None else scalar
         if name is None:
             wanted, advice = "opacity or value, or the name of another scalar", "pass " + option_ref("scalar", "...")

@@ -21,6 +21,7 @@ from sheetsplat.io import vtk_hdf
 from sheetsplat.io.cf import READ, Coordinate, NamedArray, dimension_names
 from sheetsplat.io.checks import Where, floats, listed, printable, unreadable
 from sheetsplat.io.hdf5_access import attribute, check_stored, checked, inside, read_dataset, seekable, walk
+from sheetsplat.io.names import tell_names
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
 from sheetsplat.io.stored import LazySamples
@@ -119,6 +120,8 @@ def _chosen(source: Source, file: Any, name: str | None) -> Any:
     path, wanted = source.path, source.inner or name
     # Where nothing is chosen, what is in other files is no reason to take what is in this one.
     known = [one for one in walk(path, file, strict=wanted is None) if _is_volume(one)]
+    # FILE:/dataset leaves no choice.
+    tell_names([] if source.inner else [str(one.name) for one in known])
     names = listed([f"{one.name} {one.shape}" for one in known])
     if wanted is not None:
         chosen = inside(path, file, wanted)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory
 from sheetsplat.io.hdf5_access import checked, walk
+from sheetsplat.io.names import tell_names
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
 from sheetsplat.io.xarray_data import named, variable
@@ -54,6 +55,9 @@ def opened(source: Source, name: str | None) -> Iterator[Any]:
             # h5netcdf follows links.
             walk(source.path, file, strict=True)
         options |= {"group": group or None, "phony_dims": "access"}
+    if source.inner:
+        # FILE:/variable leaves no choice.
+        tell_names([])
     with xarray.open_dataset(file_or_bytes, engine=engine, **options) as data:
         yield variable(data, source.path, name)
 

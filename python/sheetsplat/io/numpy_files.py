@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from sheetsplat.errors import option_ref
 from sheetsplat.io.channels import split
 from sheetsplat.io.checks import checked_shape, unreadable
+from sheetsplat.io.names import tell_names
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import DEFLATE_RATIO, Payload, Source
 
@@ -173,12 +174,13 @@ def _only_volume(source: Source, archive: zipfile.ZipFile, entries: dict[str, zi
             with archive.open(entry) as stream:
                 if len(_header(stream)[0]) == 3:
                     found.append(name)
-    if len(found) != 1:
+    names = tell_names(sorted(found))
+    if len(names) != 1:
         raise unreadable(
             source.path,
-            f"{len(found)} arrays with three axes" + (f": {', '.join(sorted(found))}" if found else ""),
+            f"{len(names)} arrays with three axes" + (f": {', '.join(names)}" if names else ""),
             "one, or the name of one",
-            "pass " + option_ref("name", "...") + " to choose one" if found else "",
-            option="name" if found else None,
+            "pass " + option_ref("name", "...") + " to choose one" if names else "",
+            option="name" if names else None,
         )
-    return found[0]
+    return names[0]

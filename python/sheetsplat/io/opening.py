@@ -24,6 +24,7 @@ from sheetsplat.io.channels import only, several_channels
 from sheetsplat.io.checks import Where, printable, unreadable
 from sheetsplat.io.formats import FORMATS, SCATTERED, Format, find_format, format_of
 from sheetsplat.io.kernels import field_of, given, log_base, logarithm
+from sheetsplat.io.names import Names, names_in
 from sheetsplat.io.records import Scattered, Volume
 from sheetsplat.io.source import opened
 
@@ -42,6 +43,8 @@ READING = (*_RAW, *(name for name in _POINTS if name != "nan"))
 _SWITCHED = ("offset", "resample")
 # The number in a header is not trusted.
 _MOST_STEPS = 100_000
+# Bytes of files that are read for the names of their arrays.
+_MOST_READ = 100_000_000
 
 
 def read_volume(
@@ -236,6 +239,42 @@ def _in_decades(volume: Volume, log: bool | float, where: str) -> Volume:
     kept = values.astype(np.float32) if volume.values.dtype.itemsize <= 4 else values
     floor = log_base(volume.values, what, log) if values.size else None
     return replace(volume, values=kept, quantity=replace(volume.quantity, floor=floor))
+
+
+def arrays(path: str | os.PathLike[str], options: Mapping[str, Any] | None = None) -> Names:
+    """Return the names of the arrays of a file among which ``name=``, or of scattered data ``scalar=``, chooses.
+
+    No samples are read, but for Gmsh, MED, XDMF, .ply and .npz with an array "centers", which are read once where they
+    are at most 100 MB. Channels, which are shown together, are no arrays to choose among.
+
+    Parameters
+    ----------
+    path
+        A file, or FILE:/part, which leaves no choice where the part is one array.
+    options
+        Those of `sheetsplat.open` that say how the file is read.
+
+    Raises
+    ------
+    InvalidInput
+        As reading it.
+    Error
+        Where the file cannot be read.
+
+    Examples
+    --------
+    >>> np.savez("two.npz", density=values, speed=values)
+    >>> ss.io.arrays("two.npz").names
+    ('density', 'speed')
+    """
+    reading = {name: one for name, one in (options or {}).items() if name not in ("name", "scalar")}
+    found = kind_of(path, reading)
+    chosen = {name: reading[name] for name in found.options if name in reading}
+    with opened(path) as source, warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        if not found.names or (found.names == "data" and source.path.stat().st_size > _MOST_READ):
+            return Names()
+        return names_in(partial(found.read, source, **chosen))
 
 
 def time_steps(path: str | os.PathLike[str], options: Mapping[str, Any]) -> list[tuple[Path, dict[str, Any]]]:

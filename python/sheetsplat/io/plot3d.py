@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from sheetsplat.errors import complain, option_ref
 from sheetsplat.io.checks import require_rows, sides, unreadable
+from sheetsplat.io.names import tell_names
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import unknown_scalar
 from sheetsplat.io.source import Source
@@ -299,8 +300,9 @@ def read(source: Source, grid: str | os.PathLike[str], scalar: str | None = None
         one file, and scalars that are not finite. Points with IBLANK 0 are left out; others are kept.
     """
     name = "density" if scalar is None else scalar
-    if name not in SCALARS:
-        raise unknown_scalar(source.path, name, tuple(SCALARS))
+    known = tell_names(SCALARS, "density")
+    if name not in known:
+        raise unknown_scalar(source.path, name, known)
     with Source(Path(grid)) as other:
         layout, points, shown = _read_grid(other)
     written, flow, conditions, surplus = _read_solution(source, layout.blocks)

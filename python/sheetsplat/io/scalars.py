@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sheetsplat._rows import pieces
 from sheetsplat.errors import Error, complain, option_ref
 from sheetsplat.io.checks import Where, listed, unreadable
+from sheetsplat.io.names import tell_names
 from sheetsplat.io.records import Floats
 
 _PART = re.compile(r"(.+)_([xyz]|\d{1,3})")
@@ -49,9 +50,10 @@ def choose_scalar(
     """
     if not widths:
         raise unreadable(path, "no array of numbers that belongs to the points", "one, to be shown")
-    if wanted is None:
-        single = [name for name, width in widths.items() if width == 1]
-        wanted = next((name for name in (*preferred, *single, *widths) if name in widths), "")
+    single = [name for name, width in widths.items() if width == 1]
+    first = next(name for name in (*preferred, *single, *widths) if name in widths)
+    known = tell_names(scalar_names(widths), first)
+    wanted = first if wanted is None else wanted
     same = [name for name in widths if name.lower() == wanted.lower()]
     if wanted not in widths and len(same) == 1:
         wanted = same[0]
@@ -62,16 +64,16 @@ def choose_scalar(
         column = "xyz".index(match[2]) if match[2] in "xyz" else int(match[2])
         if column < widths[match[1]]:
             return wanted, match[1], column
-    raise unknown_scalar(path, wanted, scalar_names(widths))
+    raise unknown_scalar(path, wanted, known)
 
 
 def scalar_names(widths: Mapping[str, int]) -> tuple[str, ...]:
     """Return every name that `choose_scalar` accepts; that of an array with columns means the length of its rows."""
-    names: list[str] = []
+    found: list[str] = []
     for name, width in widths.items():
         columns = "xyz"[:width] if width <= 3 else range(min(width, _MOST_COLUMNS))
-        names += [name, *(f"{name}_{column}" for column in columns if width > 1)]
-    return tuple(names)
+        found += [name, *(f"{name}_{column}" for column in columns if width > 1)]
+    return tuple(found)
 
 
 def column_of(rows: NDArray[Any], column: int | None) -> Floats:

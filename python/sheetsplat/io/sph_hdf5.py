@@ -21,6 +21,7 @@ from sheetsplat.fields import Wrapping, periodic_box
 from sheetsplat.io import particle_units
 from sheetsplat.io.checks import listed, require_rows, unreadable
 from sheetsplat.io.hdf5_access import checked, inside, read_dataset
+from sheetsplat.io.names import tell_names
 from sheetsplat.io.records import Floats, Scattered
 from sheetsplat.io.scalars import choose_scalar, column_of, scalar_names
 from sheetsplat.io.source import Source
@@ -307,7 +308,7 @@ def _read_group(path: Path, file: Any, group: _Group, scalar: str | None, suppor
     if scalar is None and widths and not widths.keys() & {*_DENSITY, *_MASS}:
         raise unreadable(
             path,
-            f"no densities or masses in {name}, but {listed(scalar_names(widths))}",
+            f"no densities or masses in {name}, but {listed(tell_names(scalar_names(widths)))}",
             "the name of what is to be shown",
             "pass " + option_ref("scalar", "..."),
             option="scalar",

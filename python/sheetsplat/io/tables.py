@@ -262,20 +262,30 @@ def read_csv(source: Source, scalar: str | None = None) -> Scattered:
     path = source.path
     names, part = _lines(source)
     at = _places(path, names)
+    if offered := _widths(dict.fromkeys(names, 1), at):
+        choose_scalar(path, scalar, _preferred(offered), offered)
     table = _rows(source, part, len(names))
     columns = {name: table[:, column] for column, name in enumerate(names)}
     return _of_columns(path, columns, at, scalar, "csv")
+
+
+def _widths(columns: Mapping[str, int], at: Mapping[str, str]) -> dict[str, int]:
+    """Return the widths of the columns that can be the scalar: those that are no places and no kernels."""
+    return {name: width for name, width in columns.items() if name not in at.values()}
+
+
+def _preferred(names: Iterable[str]) -> list[str]:
+    return [name for name in names if name.lower() in ("value", "values", "scalar")]
 
 
 def _of_columns(
     where: Where, columns: Mapping[str, NDArray[Any]], at: Mapping[str, str], scalar: str | None, file_format: str
 ) -> Scattered:
     """Return kernels or points from columns by their names; `at`: which of them places and kernels are."""
-    widths = {name: 1 if one.ndim == 1 else one.shape[1] for name, one in columns.items() if name not in at.values()}
+    widths = _widths({name: 1 if one.ndim == 1 else one.shape[1] for name, one in columns.items()}, at)
     if not widths:
         raise unreadable(where, f"columns {listed(list(columns))}", "one more, value")
-    preferred = [name for name in widths if name.lower() in ("value", "values", "scalar")]
-    name, base, column = choose_scalar(where, scalar, preferred, widths)
+    name, base, column = choose_scalar(where, scalar, _preferred(widths), widths)
 
     def picked(*names: str) -> Floats | None:
         parts = [columns[at[one]] for one in names if one in at]

@@ -11,6 +11,7 @@ from sheetsplat import _memory
 from sheetsplat._checks import shown, triple
 from sheetsplat.errors import Unsupported, complain, option_ref
 from sheetsplat.io.checks import checked_shape, listed, printable, unreadable
+from sheetsplat.io.names import tell_names
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import Source
 from sheetsplat.quantity import Quantity
@@ -47,11 +48,12 @@ def read(source: Source, name: str | None = None) -> Volume:
     if source.packed:
         raise unreadable(path, "a gzipped OpenVDB file", "the file itself, which packs its own blocks", "unpack it")
     grids = {one.name: one for one in module.readAllGridMetadata(str(path)) if one.valueTypeName in _TYPES}
-    if name is None and len(grids) == 1:
-        (name,) = grids
+    names = tell_names(grids)
+    if name is None and len(names) == 1:
+        (name,) = names
     if name not in grids:
         found = f"no grid of numbers {shown(name)}" if name is not None else f"{len(grids)} grids of numbers"
-        known = listed([printable(one) for one in grids])
+        known = listed([printable(one) for one in names])
         advice = "pass " + option_ref("name", "...") if grids else ""
         raise unreadable(path, f"{found}; grids: {known or 'none'}", "one of them", advice)
     grid = module.read(str(path), name)

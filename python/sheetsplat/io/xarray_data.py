@@ -12,6 +12,7 @@ from sheetsplat.errors import complain, option_ref
 from sheetsplat.io.cf import Coordinate, NamedArray
 from sheetsplat.io.checks import Where, listed
 from sheetsplat.io.lazy_arrays import part_of
+from sheetsplat.io.names import tell_names
 from sheetsplat.io.records import Volume
 from sheetsplat.io.stored import LazySamples
 
@@ -67,12 +68,13 @@ def variable(data: Any, where: Where, scalar: str | None = None) -> Any:
     Raises InvalidInput where there is none or more than one.
     """
     known = {str(name): name for name, one in data.data_vars.items() if one.ndim >= 3 and one.dtype.kind in "biuf"}
-    if scalar is None and len(known) == 1:
-        (scalar,) = known
+    names = tell_names(known)
+    if scalar is None and len(names) == 1:
+        (scalar,) = names
     if scalar not in known:
         what = f"{where} cannot be read" if scalar is None else f"the scalar {scalar!r} cannot be taken from {where}"
         if known:
-            found = f"these variables with three dimensions: {listed(list(known))}"
+            found = f"these variables with three dimensions: {listed(names)}"
             raise complain(what, found, "one of them", "pass " + option_ref("scalar", "..."), option="scalar")
         there = listed([f"{name} {dict(one.sizes)}" for name, one in data.data_vars.items()])
         raise complain(what, f"no variable of three dimensions, but {there or 'nothing'}", "one")

@@ -20,6 +20,7 @@ from sheetsplat.errors import InvalidInput, option_ref
 from sheetsplat.io.cf import READ, Coordinate, NamedArray, dimension_names
 from sheetsplat.io.channels import chosen_channels, color_of, label_colors, only, window_of
 from sheetsplat.io.checks import chosen_step, floats, listed, printable, unreadable
+from sheetsplat.io.names import tell_names
 from sheetsplat.io.records import Channel, Volume
 from sheetsplat.io.source import Folder
 from sheetsplat.io.stored import LazySamples
@@ -152,6 +153,7 @@ def _chosen(source: Folder, name: str | None) -> tuple[Path, str | None]:
         held = sorted(one.name for one in root.parent.iterdir() if one.is_dir()) if root.parent.is_dir() else []
         raise unreadable(source.path, f"nothing at {source.inner}", "one of: " + (listed(held) or "(none)"))
     if is_array(root) or _told_of(root):
+        tell_names([])
         return root, name
     if name is not None and is_array(below(root, name)):
         return below(root, name), None
@@ -160,18 +162,21 @@ def _chosen(source: Folder, name: str | None) -> tuple[Path, str | None]:
     sizes = {path: _shape(path) for path, is_image in known if not is_image}
     arrays = [path for path in sizes if len(sizes[path]) >= 3] if not images else []
     found = images or arrays
+    names = tell_names(one.relative_to(root).as_posix() for one in found)
     if len(found) == 1:
         return found[0], name
+    if name in names:
+        return found[names.index(name)], None
     # The one with the most dimensions is meant more often than the first one.
     best = max(
         found or list(sizes), key=lambda path: (len(sizes.get(path, ())), math.prod(sizes.get(path, ()))), default=None
     )
     advice = f"choose one, {source.path}:/{best.relative_to(source.path).as_posix()}" if best is not None else ""
     if images:
-        what = f"{len(images)} images: " + listed([one.relative_to(root).as_posix() for one in images])
+        what = f"{len(images)} images: {listed(names)}"
     else:
-        told = [f"{one.relative_to(root).as_posix()} {sizes[one]}" for one in sizes]
-        what = f"{len(found)} arrays with three dimensions" + (f": {listed(told)}" if told else "")
+        sized = [f"{one.relative_to(root).as_posix()} {sizes[one]}" for one in sizes]
+        what = f"{len(found)} arrays with three dimensions" + (f": {listed(sized)}" if sized else "")
     raise unreadable(root, what, "one of them", advice)
 
 

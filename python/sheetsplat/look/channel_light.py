@@ -27,9 +27,14 @@ def adds_light(fields: Sequence[Field], mode: object, options: Mapping[str, Any]
     return not given and of_values and len(fields) > 1 and channels
 
 
+def is_light(scene: Scene) -> bool:
+    """Return whether a picture of a scene is the light of channels."""
+    return len(scene.groups) == len(scene.fields) and adds_light(scene.fields, scene.mode)
+
+
 def channels_of(scene: Scene) -> tuple[Scene, ...]:
     """Return the scene of each channel of a picture that is their light; none for all others."""
-    if len(scene.groups) != len(scene.fields) or not adds_light(scene.fields, scene.mode):
+    if not is_light(scene):
         return ()
     lengths = {"slice_spacing": scene.slice_spacing, "reference_length": scene.reference_length}
     pairs = zip(scene.fields, scene.transfer_functions, strict=True)
@@ -37,16 +42,19 @@ def channels_of(scene: Scene) -> tuple[Scene, ...]:
 
 
 def light_of(scenes: Sequence[Scene], scalars: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
-    """Return the sum of colours, each times the share of its number between the limits of its transfer function.
+    """Return the sum of the last colours of transfer functions, each times the share of its number between the limits.
 
-    Premultiplied (h, w, 4), at most 1; where no channel has a number it is transparent.
+    Premultiplied (h, w, 4), at most 1; where no channel has a number it is transparent. A channel whose transfer
+    function has no opacity is not shown.
     """
     rgba = np.zeros((*scalars[0].shape, 4))
     for scene, scalar in zip(scenes, scalars, strict=True):
-        (field,), function = scene.fields, scene.transfer_function
+        function = scene.transfer_function
+        if not function.points[:, 4].any():
+            continue
         width = function.v_max - function.v_min
         shares = np.clip((scalar - function.v_min) / width, 0.0, 1.0) if width > 0.0 else scalar >= function.v_max
         known = ~np.isnan(scalar)
-        rgba[known, :3] += np.outer(shares[known], field.color)  # type: ignore[attr-defined]
+        rgba[known, :3] += np.outer(shares[known], function.at(function.v_max)[:3])
         rgba[known, 3] = 1.0
     return np.minimum(rgba, 1.0).astype(np.float32)

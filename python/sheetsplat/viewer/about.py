@@ -13,6 +13,7 @@ from sheetsplat.errors import Unsupported
 from sheetsplat.image import Image
 from sheetsplat.plan import RenderPlan
 from sheetsplat.viewer.compose import hexadecimal
+from sheetsplat.viewer.state import State, camera_parts
 
 
 def bars_of(image: Image) -> list[dict[str, Any]]:
@@ -30,6 +31,24 @@ def bars_of(image: Image) -> list[dict[str, Any]]:
         }
         for bar in color_bars(image)
     ]
+
+
+def frame_message(image: Image, state: State, milliseconds: float, *, preview: bool) -> dict[str, Any]:
+    """Return what a page is told of a frame but for its number and its bytes; `preview`: of coarse copies."""
+    stats = image.stats
+    return {
+        "type": "frame",
+        "size": image.size,
+        "stage": 0 if preview else int(stats.get("stage", 1)),
+        "stages": int(stats.get("stages", 1)),
+        "last": not preview and stats.get("stage") == stats.get("stages"),
+        "milliseconds": milliseconds,
+        "error": None if preview else stats.get("estimated_rmse"),
+        "camera": camera_parts(state.camera),
+        "choice": state.choice,
+        "time": state.time,
+        "bars": bars_of(image),
+    }
 
 
 def _places(count: int) -> NDArray[np.int64]:

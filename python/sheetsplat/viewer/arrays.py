@@ -1,4 +1,4 @@
-"""Which arrays of a file can be shown."""
+"""Which arrays of a file can be shown, and can give colours."""
 
 from __future__ import annotations
 
@@ -7,37 +7,27 @@ from collections.abc import Mapping
 from typing import Any
 
 from sheetsplat.errors import Error
-from sheetsplat.io.opening import kind_of, read_scattered
-from sheetsplat.notices import muted
+from sheetsplat.io.names import Names
+from sheetsplat.io.opening import arrays
 
-# Files are read once more for the names of their arrays: those that are soon read.
-_LARGEST = 100_000_000
 _MOST = 200
-# What `read_scattered` takes beside the scalar.
-_READING = ("grid", "particles", "support", "step", "nan")
 
 
-def arrays_of(path: str | os.PathLike[str], options: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the names of the scalars that a file of scattered data has, that which is shown by itself first.
-
-    None where it has one, where the options name one, and for files that are large or hold something else.
+def arrays_of(data: object, options: Mapping[str, Any]) -> Names:
+    """Return the names of the arrays of a file; none where it has one, and for data that are no file.
 
     Parameters
     ----------
-    path
-        The file.
+    data
+        The path of the file.
     options
         Those of `sheetsplat.open` that were given.
     """
-    if any(name in options for name in ("scalar", "name")):
-        return ()
+    if not isinstance(data, str | os.PathLike):
+        return Names()
     try:
-        if os.path.getsize(path) > _LARGEST or not kind_of(path, options).scattered:
-            return ()
-        with muted():
-            found = read_scattered(path, **{name: options[name] for name in _READING if name in options})
+        found = arrays(data, options)
     except (Error, OSError):
         # Whoever opens it is told why.
-        return ()
-    names = (found.scalar, *(one for one in found.scalars if one != found.scalar))[:_MOST]
-    return names if len(names) > 1 else ()
+        return Names()
+    return Names(found.names[:_MOST], found.shown) if len(found.names) > 1 else Names()

@@ -7,12 +7,16 @@ from dataclasses import replace
 from typing import Any
 
 from sheetsplat.opacity_words import PRESETS
+from sheetsplat.options.core import MODES
 from sheetsplat.viewer import compose
 from sheetsplat.viewer.data import Shown
 from sheetsplat.viewer.state import OF_PAGES, State
 
 # What a page knows less of than the session once it has asked for it.
-_TOLD = (*OF_PAGES, "look", "choice", "time", "automatic", "mode", "quality", "surfaces", "effects", "background")
+_TOLD = (
+    *(*OF_PAGES, "look", "choice", "time", "automatic", "mode", "quality", "surfaces", "effects", "background"),
+    "color_by",
+)
 
 
 def state_after(shown: Shown, first: State, state: State, changes: Mapping[str, Any]) -> tuple[State, bool]:
@@ -53,7 +57,7 @@ def state_after(shown: Shown, first: State, state: State, changes: Mapping[str, 
 def _group_of(shown: Shown, state: State, look: Mapping[str, Any]) -> int | None:
     """Return the number of the group whose look a page changes; None where there is none."""
     group = look.get("group", 0)
-    groups = len(shown.base(state.choice, 0).scene.groups)
+    groups = len(shown.base(state.choice, 0, MODES[0]).scene.groups)
     return group if isinstance(group, int) and 0 <= group < groups else None
 
 

@@ -18,6 +18,7 @@ from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 from sheetsplat.viewer import compose
 from sheetsplat.viewer.data import DEFAULT_QUALITY, Shown
+from sheetsplat.viewer.label_look import LabelLook
 from sheetsplat.viewer.state import Curves, State
 
 # Options that a transfer function of its own replaces, and those of the camera.
@@ -34,7 +35,7 @@ def python_code(shown: Shown, state: State, size: tuple[int, int]) -> str:
         lines = _of_scene(shown, state, scene, size)
     else:
         path = repr(os.fsdecode(data)) if isinstance(data, str | os.PathLike) else None
-        options = {**_arguments(shown, state, scene), "camera": state.camera, "size": size}
+        options = _with_curves(state, scene, arguments(shown, state, scene, size))
         drawn, unknown = call("image = ss.render", [path or "data"], options)
         given = ["# data: what was shown"] if path is None else []
         lines = [*given, *(f"# {name}: what the viewer was given" for name in unknown), *drawn]
@@ -43,7 +44,7 @@ def python_code(shown: Shown, state: State, size: tuple[int, int]) -> str:
 
 def _of_scene(shown: Shown, state: State, scene: Scene, size: tuple[int, int]) -> list[str]:
     """Return the code for a scene that was given."""
-    changes = _changes(state, scene)
+    changes = _with_curves(state, scene, _changes(state, scene))
     if state.mode != shown.base(state.choice, state.time).scene.mode:
         changes = {"mode": state.mode, "iso_value": scene.iso_value, **changes}
     replaced = call("scene = scene.replace", [], changes)[0] if changes else []
@@ -57,9 +58,11 @@ def _settings(shown: Shown, state: State) -> dict[str, Any]:
     return {name: value for name, value in found.items() if value not in (None, {})}
 
 
-def _arguments(shown: Shown, state: State, scene: Scene) -> Mapping[str, Any]:
-    """Return the keyword arguments of `render`, without camera and size."""
-    given = shown.options_at(state.choice, state.time)
+def arguments(shown: Shown, state: State, scene: Scene, size: tuple[int, int]) -> dict[str, Any]:
+    """Return the keyword arguments of `render` that make the picture of a state from its data."""
+    coloring = compose.coloring_of(shown, state)
+    given = {**shown.options_at(state.choice, state.time), **coloring}
+    given = {name: value for name, value in given.items() if name not in coloring or value is not None}
     options = {name: value for name, value in given.items() if name not in (*_OF_CAMERA, "size", "depth_cue")}
     options = {name: value for name, value in options.items() if not unused(state.mode, [name])}
     options |= {"mode": state.mode, "quality": state.quality, **_settings(shown, state)}
@@ -77,13 +80,14 @@ def _arguments(shown: Shown, state: State, scene: Scene) -> Mapping[str, Any]:
         made = isinstance(shown.data(state.choice, state.time), Field)
         if len(floors) == 1 and "log" not in options and not made:
             options["log"] = floors.pop()
-        options |= {"slice_spacing": scene.slice_spacing, "reference_length": scene.reference_length}
+        lengths = {"slice_spacing": scene.slice_spacing, "reference_length": scene.reference_length}
+        options |= {name: value for name, value in lengths.items() if not unused(scene.mode, [name])}
         if scene.supersampling > 1:
             # With slices that are given a quality leaves one.
             options["supersampling"] = scene.supersampling
     if not all(isinstance(one, RegularField) for one in scene.fields):
         options["filter"] = scene.filter or "off"
-    return {**options, **changes}
+    return {**options, **changes, "camera": state.camera, "size": size}
 
 
 _DEFAULTS = (("mode", MODES[0]), ("quality", DEFAULT_QUALITY))
@@ -100,28 +104,41 @@ def _changes(state: State, scene: Scene) -> dict[str, Any]:
     later = state.time > 0
     if ("surfaces" in state.changes or later) and TRAITS[scene.mode].shows_surfaces:
         found["iso_value"] = scene.iso_value
-        found["transfer_function"] = _functions(scene.transfer_functions, {})
-    if (state.curves or later) and TRAITS[scene.mode].is_composited:
-        found["transfer_function"] = _functions(scene.transfer_functions, state.curves)
+        found["transfer_function"] = _functions_of(scene)
+    if (state.curves or later) and compose.has_looks(scene):
+        found["transfer_function"] = _functions_of(scene)
     if later and TRAITS[scene.mode].is_scalar:
         found |= {"scalar_colors": scene.options["scalar_colors"], "slice_spacing": scene.slice_spacing}
     return found
 
 
-def _functions(functions: tuple[TransferFunction, ...], curves: Mapping[int, Curves]) -> Expression:
+def _functions_of(scene: Scene) -> TransferFunction | list[TransferFunction]:
+    functions = list(scene.transfer_functions)
+    return functions if len(functions) > 1 else functions[0]
+
+
+def _with_curves(state: State, scene: Scene, options: dict[str, Any]) -> dict[str, Any]:
+    """Return options with transfer functions as Python that makes them of their curves."""
+    if "transfer_function" not in options:
+        return options
+    curves = state.curves if compose.has_looks(scene) else {}
+    return {**options, "transfer_function": _functions(scene.transfer_functions, curves)}
+
+
+def _functions(functions: tuple[TransferFunction, ...], curves: Mapping[int, Curves | LabelLook]) -> Expression:
     texts = [_function(one, curves.get(n)) for n, one in enumerate(functions)]
     return Expression(texts[0] if len(texts) == 1 else f"[{', '.join(texts)}]")
 
 
-def _function(function: TransferFunction, curves: Curves | None) -> str:
-    if curves is None:
+def _function(function: TransferFunction, curves: Curves | LabelLook | None) -> str:
+    if not isinstance(curves, Curves):
         return text_of(function)
     if curves.cmap:
         # Beyond its limits a colormap has one colour.
         inside = np.flatnonzero(np.any(np.diff(curves.colors[:, 1:], axis=0) != 0, axis=1))
         ends = (inside[0], inside[-1] + 1) if inside.size else (0, -1)
         low, high = (float(curves.colors[n, 0]) for n in ends)
-        if low < high and TransferFunction.from_colormap(curves.cmap, curves.opacities, (low, high)) == function:
-            opacities = rows_text(curves.opacities)
+        if low < high and TransferFunction.from_colormap(curves.cmap, curves.seen, (low, high)) == function:
+            opacities = rows_text(curves.seen)
             return f"ss.TransferFunction.from_colormap({curves.cmap!r}, {opacities}, ({low!r}, {high!r}))"
-    return f"ss.TransferFunction.from_curves({rows_text(curves.colors)}, {rows_text(curves.opacities)})"
+    return f"ss.TransferFunction.from_curves({rows_text(curves.colors)}, {rows_text(curves.seen)})"

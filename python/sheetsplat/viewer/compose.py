@@ -12,10 +12,13 @@ from sheetsplat._checks import Triple, triple
 from sheetsplat.api import Prepared
 from sheetsplat.camera import Camera
 from sheetsplat.choose.asked import GOALS, Asked
+from sheetsplat.choose.look import is_channel
 from sheetsplat.choose.picture import fitted
 from sheetsplat.describe.schema import plain
-from sheetsplat.fields import joined_bounds
+from sheetsplat.fields import RegularField, joined_bounds
 from sheetsplat.framing import fitting_depth_cue
+from sheetsplat.labels import LabelColors
+from sheetsplat.look.channel_light import is_light
 from sheetsplat.look.surface import surface_color, surface_limits
 from sheetsplat.modes import TRAITS
 from sheetsplat.opacity_words import PRESETS, WORDS
@@ -25,7 +28,9 @@ from sheetsplat.options.picture import unused
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction, color_rows
 from sheetsplat.viewer.data import Histogram, Shown
+from sheetsplat.viewer.label_look import LabelLook
 from sheetsplat.viewer.state import (
+    OF_COLORING,
     OF_SCENES,
     SHOWS,
     Cue,
@@ -47,7 +52,7 @@ _RAMP = 48
 
 def base_of(shown: Shown, state: State) -> Prepared:
     """Return the scene and the camera of a state before anything was changed."""
-    return shown.base(state.choice, state.time, state.mode, state.quality)
+    return shown.base(state.choice, state.time, state.mode, state.quality, coloring_of(shown, state))
 
 
 def scene_of(shown: Shown, state: State) -> Scene:
@@ -56,11 +61,12 @@ def scene_of(shown: Shown, state: State) -> Scene:
     changes = dict(state.drawn.changes)
     cue: Cue | None = changes.pop("depth_cue", None)
     surfaces: tuple[Surface, ...] | None = changes.pop("surfaces", None)
-    changes.pop("backdrop", None)
+    for name in ("backdrop", *OF_COLORING):
+        changes.pop(name, None)
     # They come back with a mode that uses them.
     for name in unused(base.mode, list(changes)):
         del changes[name]
-    if state.curves and TRAITS[base.mode].is_composited:
+    if state.curves and has_looks(base):
         functions = [
             state.curves[n].function if n in state.curves else one for n, one in enumerate(base.transfer_functions)
         ]
@@ -125,8 +131,11 @@ def camera_towards(
 
 def _functions_of(shown: Shown, scene: Scene, surfaces: tuple[Surface, ...]) -> Any:
     """Return transfer functions that give each surface its colour."""
-    functions = []
+    functions: list[TransferFunction] = []
     for n, own in enumerate(scene.transfer_functions):
+        if isinstance(own, LabelColors):
+            functions.append(own)
+            continue
         automatic = _surface_function(shown, scene, surfaces) if n == 0 and _is_automatic(shown) else own
         rows: dict[float, Triple] = {}
         for one in surfaces:
@@ -147,13 +156,34 @@ def _surface_function(shown: Shown, scene: Scene, surfaces: tuple[Surface, ...])
     return TransferFunction.from_colormap(shown.options.get("cmap", DEFAULT_CMAP), 1.0, limits)
 
 
-def curves_of(shown: Shown, state: State, group: int) -> Curves:
-    """Return the curves of a group's transfer function: changed, or those of the data's own look."""
+def has_looks(scene: Scene) -> bool:
+    """Return whether a scene shows the transfer functions of its groups."""
+    labels = all(isinstance(one, LabelColors) for one in scene.transfer_functions)
+    return TRAITS[scene.mode].is_composited or is_light(scene) or (labels and TRAITS[scene.mode].shows_surfaces)
+
+
+def coloring_of(shown: Shown, state: State) -> dict[str, Any]:
+    """Return the options of `render` that say which other array gives the colours, as far as they were changed."""
+    changed = {name: state.changes[name] for name in OF_COLORING if name in state.changes}
+    given = {**dict.fromkeys(OF_COLORING), **shown.options_at(state.choice, state.time), **changed}
+    # The choice comes back with data that have such an array.
+    known = "color_by" not in changed or changed["color_by"] in shown.names_of_arrays(state.choice)
+    if known and given["color_by"] is not None:
+        return {name: given[name] for name in OF_COLORING} if changed else {}
+    return dict.fromkeys(OF_COLORING) if changed else {}
+
+
+def curves_of(shown: Shown, state: State, group: int) -> Curves | LabelLook:
+    """Return the curves of a group's transfer function, or the look of labels: changed, or the data's own."""
     if group in state.curves:
         return state.curves[group]
-    function = shown.base(state.choice, state.time, MODES[0], state.quality).scene.transfer_functions[group]
+    scene = shown.base(state.choice, state.time, MODES[0], state.quality).scene
+    function, field = scene.transfer_functions[group], scene.groups[group][0]
+    if isinstance(field, RegularField) and field.labels:
+        return LabelLook.of(function, field.labels_found)
     given = shown.options.get("cmap", DEFAULT_CMAP)
     is_map = isinstance(given, str) and "," not in given and "transfer_function" not in shown.options
+    is_map = is_map and not is_channel(field)
     return Curves.of(function, given if is_map and not isinstance(shown.data(0, 0), Scene) else "")
 
 
@@ -166,9 +196,18 @@ def _ramp(function: TransferFunction, low: float, high: float) -> list[str]:
     return [hexadecimal(row) for row in function.at(np.linspace(low, high, _RAMP))]
 
 
-def _look(curves: Curves) -> dict[str, Any]:
+def _look(curves: Curves | LabelLook) -> dict[str, Any]:
+    if isinstance(curves, LabelLook):
+        told = [
+            [label, curves.first.name_of(label), hexadecimal(rgba), rgba[3], label not in curves.hidden]
+            for label, rgba in curves.colors.items()
+        ]
+        return {"labels": told, "shown": curves.shown, "color": None}
     low, high = curves.limits
     return {
+        "labels": None,
+        "shown": curves.shown,
+        "color": hexadecimal(curves.colors[-1, 1:]),
         "range": [low, high],
         "cmap": curves.cmap,
         "ramp": _ramp(curves.function, low, high),
@@ -177,11 +216,17 @@ def _look(curves: Curves) -> dict[str, Any]:
     }
 
 
+def _named(given: object) -> str | None:
+    """Return a name, "given in Python" for what has none, None for nothing."""
+    return given if given is None or isinstance(given, str) else "given in Python"
+
+
 def state_parts(shown: Shown, state: State, scene: Scene) -> dict[str, Any]:
     """Return what the page shows of a state in its panels."""
     options: Mapping[str, Any] = scene.options
     colors = options["scalar_colors"]
     cue = state.changes["depth_cue"] if "depth_cue" in state.changes else options["depth_cue"]
+    coloring = {**shown.options_at(state.choice, state.time), **coloring_of(shown, state)}
     own = {one.value: one.color for one in state.changes.get("surfaces", ())}
     return {
         "mode": state.mode,
@@ -190,9 +235,7 @@ def state_parts(shown: Shown, state: State, scene: Scene) -> dict[str, Any]:
         "choice": state.choice,
         "time": state.time,
         "camera": camera_parts(state.camera),
-        "looks": [_look(curves_of(shown, state, n)) for n in range(len(scene.groups))]
-        if TRAITS[state.mode].is_composited
-        else [],
+        "looks": [_look(curves_of(shown, state, n)) for n in range(len(scene.groups))] if has_looks(scene) else [],
         "surfaces": [
             {
                 "value": value,
@@ -203,6 +246,8 @@ def state_parts(shown: Shown, state: State, scene: Scene) -> dict[str, Any]:
             for value, opacity in scene.surfaces
         ],
         **{name: plain(options[name]) for name in OF_SCENES},
+        "color_by": _named(coloring.get("color_by")),
+        "color_map": _named(coloring.get("color_map", DEFAULT_CMAP) or DEFAULT_CMAP),
         "scalar_colors": {**plain(colors), "cmap": colors.cmap if isinstance(colors.cmap, str) else ""},
         "depth_cue": None if cue is None else {"strength": cue.strength, "color": hexadecimal(cue.color)},
         "background": None if scene.background is None else hexadecimal(scene.background),
@@ -232,6 +277,7 @@ def data_parts(shown: Shown, state: State, scene: Scene) -> dict[str, Any]:
     return {
         "title": shown.title(state.choice, state.time),
         "names": shown.names,
+        "color_names": shown.names_of_arrays(state.choice),
         "times": shown.times,
         "bounds": [lower, upper],
         "box": box,

@@ -13,13 +13,14 @@ from typing import Any, TypeVar
 import numpy as np
 
 from sheetsplat._checks import shown, suffix_of
-from sheetsplat.api import Opened, Prepared, prepare
+from sheetsplat.api import Opened, Prepared, prepare, with_coloring
 from sheetsplat.camera import Camera
 from sheetsplat.describe.scene_file import SUFFIX, SceneFile
 from sheetsplat.errors import complain, unusable
 from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Field, RegularField
 from sheetsplat.fields.samples import ArraySamples
 from sheetsplat.framing import compose_camera
+from sheetsplat.io.names import Names
 from sheetsplat.io.opening import time_steps
 from sheetsplat.look.decades import itself
 from sheetsplat.look.histogram import stride_of
@@ -155,14 +156,16 @@ class Shown:
         # Options that choose an array of a file.
         self._arrays: list[dict[str, Any]] = []
         if isinstance(data, str | os.PathLike) and self._scene_file is None:
-            steps = time_steps(data, pick_given(OpenOptions, self.options))
+            reading = pick_given(OpenOptions, self.options)
+            arrays = Names() if {"scalar", "name"} & reading.keys() else arrays_of(data, reading)
+            if arrays.names:
+                self._choices = tuple((name, data) for name in arrays.names)
+                # The first one is the one that is shown by itself.
+                self._arrays = [{} if name == arrays.shown else {"scalar": name} for name in arrays.names]
+            steps = time_steps(data, {**reading, **(self._arrays[0] if self._arrays else {})})
             if len(steps) > 1:
                 self._times = tuple((f"step {number}", path) for number, (path, _) in enumerate(steps))
                 self._steps = [chosen for _, chosen in steps]
-            elif arrays := arrays_of(data, pick_given(OpenOptions, self.options)):
-                self._choices = tuple((name, data) for name in arrays)
-                # The first one is the one that is shown by itself.
-                self._arrays = [{}, *({"scalar": name} for name in arrays[1:])]
         if self._scene_file is not None:
             made = self._scene_file.prepare(**self.options)
             self._data, self.options = (
@@ -172,6 +175,7 @@ class Shown:
         # One lock for all: the values of one are made of those of another.
         lock = threading.RLock()
         self._opened, self._scenes = _Recent(_KEPT_DATA, lock), _Recent(_KEPT_SCENES, lock)
+        self._names, self._givers = _Recent(_KEPT_SCENES, lock), _Recent(_KEPT_DATA, lock)
         self._histograms, self._coarse = _Recent(_KEPT_DATA, lock), _Recent(_KEPT_SCENES, lock)
 
     @property
@@ -191,14 +195,14 @@ class Shown:
 
     def options_at(self, choice: int, time: int) -> dict[str, Any]:
         """Return the options of `render` for a choice and a time."""
-        chosen = self._steps[time] if self._steps else self._arrays[choice] if self._arrays else {}
-        return {**self.options, **chosen}
+        of_array = self._arrays[choice] if self._arrays else {}
+        return {**self.options, **of_array, **(self._steps[time] if self._steps else {})}
 
     def data(self, choice: int, time: int) -> object:
         """Return data as they were given."""
-        if self._choices:
-            return self._choices[choice][1]
-        return self._times[time][1] if self._times else self._data
+        if self._times:
+            return self._times[time][1]
+        return self._choices[choice][1] if self._choices else self._data
 
     def files(self, choice: int, time: int) -> tuple[str, ...]:
         """Return the files that the data are of; none where they were given in another way."""
@@ -227,7 +231,37 @@ class Shown:
         floors = {one.quantity.floor for one in self.base(choice, 0).scene.fields} - {None}
         return {**options, "log": floors.pop()} if len(floors) == 1 else options
 
-    def base(self, choice: int, time: int = 0, mode: str | None = None, quality: str | None = None) -> Prepared:
+    def names_of_arrays(self, choice: int) -> tuple[str, ...]:
+        """Return the names of the arrays of the file of a choice; none where it has one, or is no file."""
+        if self._scene_file is not None:
+            return ()
+        data = self.data(choice, 0)
+        key = os.fspath(data) if isinstance(data, str | os.PathLike) else None
+        return self._names.get(key, lambda: arrays_of(data, pick_given(OpenOptions, self.options))).names
+
+    def _colored(self, choice: int, time: int, mode: str, coloring: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the options for a time with the array that gives colours, opened once; without one in other modes."""
+        options = {**self._with_log(choice, time), **coloring}
+        name = options.get("color_by")
+        if not isinstance(name, str) or name not in self.names_of_arrays(choice):
+            return options
+        if unused(mode, ["color_by"]):
+            return {**options, "color_by": None, "color_map": None}
+        opened = Opened(self.data(choice, time), self._open(choice, time).fields)
+
+        def make() -> Any:
+            return with_coloring(opened, options)["color_by"]
+
+        return {**options, "color_by": self._givers.get((choice, time, name), make)}
+
+    def base(
+        self,
+        choice: int,
+        time: int = 0,
+        mode: str | None = None,
+        quality: str | None = None,
+        coloring: Mapping[str, Any] | None = None,
+    ) -> Prepared:
         """Return the scene and the camera that follow from data and options, before anything is changed.
 
         Parameters
@@ -236,33 +270,44 @@ class Shown:
             Numbers of the data.
         mode, quality
             Those of `render`; as the options say unless given.
+        coloring
+            `color_by`, the name of an array of the file, and `color_map`, in place of the options.
         """
         # What follows from the options by themselves is made once.
         if mode == (self.options.get("mode") or MODES[0]) and not isinstance(self.data(choice, time), Scene):
             mode = None
         if quality == (self.options.get("quality") or DEFAULT_QUALITY):
             quality = None
-        key = choice, time, mode, quality
-        return self._scenes.get(key, lambda: self._composed(*key))
+        parts, colors = (choice, time, mode, quality), dict(coloring or {})
+        key = *parts, tuple(sorted(colors.items()))
+        return self._scenes.get(key, lambda: self._composed(*parts, colors))
 
-    def _composed(self, choice: int, time: int, mode: str | None, quality: str | None) -> Prepared:
+    def _composed(
+        self, choice: int, time: int, mode: str | None, quality: str | None, coloring: Mapping[str, Any]
+    ) -> Prepared:
         if time:
-            first = self.base(choice, 0, mode, quality)
-            fields = self._made(choice, time, mode, quality).scene
+            first = self.base(choice, 0, mode, quality, coloring)
+            fields = self._made(choice, time, mode, quality, coloring).scene
             groups = fields.groups if len(fields.groups) > 1 else fields.fields
             spacing = {"slice_spacing": first.scene.slice_spacing, "reference_length": first.scene.reference_length}
-            made = first.scene.replace(field=groups, **spacing)
+            colors = tuple(
+                None if mine is None or its is None else (its[0], mine[1])
+                for mine, its in zip(first.scene.color_by, fields.color_by, strict=True)
+            )
+            made = first.scene.replace(field=groups, color_by=colors if any(colors) else None, **spacing)
             return _with_scene(first, made.with_quality(first.scene.quality))
-        return self._made(choice, time, mode, quality)
+        return self._made(choice, time, mode, quality, coloring)
 
-    def _made(self, choice: int, time: int, mode: str | None, quality: str | None) -> Prepared:
+    def _made(
+        self, choice: int, time: int, mode: str | None, quality: str | None, coloring: Mapping[str, Any]
+    ) -> Prepared:
         opened = self._open(choice, time)
-        options = dict(self._with_log(choice, time))
+        first = self.options.get("mode") or MODES[0]
+        options = self._colored(choice, time, mode or first, coloring)
         if isinstance(opened.data, Scene):
             made = prepare(opened, **options)
             changed = made.scene if mode in (None, made.scene.mode) else _in_mode(made.scene, str(mode), options)
             return _with_scene(made, changed)
-        first = MODES[0] if options.get("mode") is None else options["mode"]
         if quality is not None:
             options["quality"] = quality
         if mode in (None, first):

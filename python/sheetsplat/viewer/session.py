@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 
 from sheetsplat._checks import Triple, is_auto
 from sheetsplat.api import Prepared
-from sheetsplat.bricks.picture import draw as draw_in_bricks
 from sheetsplat.camera import Camera
 from sheetsplat.describe.recipe import Recipe
 from sheetsplat.describe.scene_file import SceneFile
@@ -26,11 +25,12 @@ from sheetsplat.options.renderer import Progress
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 from sheetsplat.viewer import compose, frames
-from sheetsplat.viewer.about import about, bars_of, picked
+from sheetsplat.viewer.about import about, bars_of, frame_message, picked
 from sheetsplat.viewer.changing import state_after, unit_note
 from sheetsplat.viewer.client import Client, Deliver
-from sheetsplat.viewer.code import python_code
+from sheetsplat.viewer.code import arguments, python_code
 from sheetsplat.viewer.data import DEFAULT_QUALITY, Shown
+from sheetsplat.viewer.drawing import pictures_of, renderer_of
 from sheetsplat.viewer.filming import Filming, Order
 from sheetsplat.viewer.history import History
 from sheetsplat.viewer.measuring import error_of, measured_effects
@@ -42,7 +42,6 @@ _log = logging.getLogger("sheetsplat")
 
 # Least seconds that the first stage of a picture may take before a newer picture stops it.
 _PATIENCE = 1.0
-_FIRST_SECONDS = 0.05
 # Seconds without a change after which data in bricks are drawn: until then coarse copies alone.
 _REST = 0.15
 _BEHIND: Triple = (0.0, 0.0, 0.0)
@@ -119,17 +118,11 @@ class Session:
         """Return the scene that is shown."""
         return compose.scene_of(self.shown, self.state)
 
-    def renderer(self, state: State) -> Renderer:
-        """Return a renderer with the settings of a state."""
-        if not state.settings:
-            return self.shown.base(0, 0).renderer
-        return Renderer(**{**self.shown.renderer_options(), **state.settings})
-
     def picture(self, size: tuple[int, int] | None = None, progress: Progress | None = None) -> Image:
         """Return the picture that is shown, complete; raises what `Renderer.render` does."""
         state, scene, own = self._settled()
         client = self.shown.client
-        renderer = self.renderer(state)
+        renderer = renderer_of(self.shown, state)
         return Prepared(scene, state.camera, size or own, renderer, progress=progress, client=client).render()
 
     def _settled(self) -> tuple[State, Scene, tuple[int, int]]:
@@ -145,10 +138,13 @@ class Session:
         return python_code(self.shown, state, size)
 
     def scene_file(self) -> SceneFile:
-        """Return the scene that is shown as a scene file, exact; it names the data where they are files."""
+        """Return the scene that is shown as a scene file; it names the data where they are files, and is exact then."""
         state, scene, size = self._settled()
-        recipe = Recipe.of(scene, state.camera, size, self.renderer(state).settings)
         files = self.shown.files(state.choice, state.time)
+        if files and any(scene.color_by):
+            # Fields that give colours are no data of a recipe's scene file.
+            return SceneFile.of_options(files, **arguments(self.shown, state, scene, size))
+        recipe = Recipe.of(scene, state.camera, size, renderer_of(self.shown, state).settings)
         return SceneFile.of(recipe, files if len(files) == len(scene.fields) else ())
 
     def look_from(self, camera: Camera) -> None:
@@ -397,7 +393,7 @@ class Session:
             state, scene = self._framed(now)
             scene = compose.fitted_scene(self.shown, state, scene, size)
             if state.settings != self._settings:
-                self._renderer, self._settings = self.renderer(state), dict(state.settings)
+                self._renderer, self._settings = renderer_of(self.shown, state), dict(state.settings)
             preview = self._previews.draw(scene, state, size)
             if preview is not None:
                 previewed = True
@@ -405,23 +401,20 @@ class Session:
                 if self._superseded(version):
                     return
             resumed = time.perf_counter()
-            pictures: Iterable[Image]
-            if any_in_bricks(scene.fields):
-                if not self._rested(version):
-                    return
-                pictures = [self._drawn_in_bricks(scene, state, size, progress)]
-            else:
-                pictures = self._renderer.progressive(
-                    scene, state.camera, size=size, progress=progress, first_seconds=_FIRST_SECONDS
-                )
-            for image in pictures:
-                first = time.perf_counter() - resumed if stage == 1 else None
-                self._frame(image, state, version, 1000.0 * (time.perf_counter() - began))
+            if any_in_bricks(scene.fields) and not self._rested(version):
+                return
+            first = self._previews.first_seconds(scene, state, previewed=previewed)
+            for image in pictures_of(self.shown, self._renderer, scene, state, size, progress, first):
+                seconds = time.perf_counter() - resumed
+                last = self._frame(image, state, version, 1000.0 * (time.perf_counter() - began))
+                if stage == 1:
+                    self._previews.note(scene, state, seconds)
+                if last:
+                    self._previews.note_last(scene, state, seconds)
                 stage += 1
-                if first is not None:
-                    self._previews.note(scene, state, first)
                 if self._superseded(version):
                     return
+                resumed = time.perf_counter()
         except Cancelled:
             return
         except Error as error:
@@ -431,10 +424,6 @@ class Session:
         """Wait for a moment; return whether no newer state came meanwhile."""
         with self._wake:
             return not self._wake.wait_for(lambda: self._superseded(version), _REST)
-
-    def _drawn_in_bricks(self, scene: Scene, state: State, size: tuple[int, int], progress: Progress) -> Image:
-        settings, client = self._renderer.settings, self.shown.client
-        return draw_in_bricks(settings, scene, state.camera, size, (), progress, client=client)
 
     def _present(self) -> _Present:
         """Return what is shown now; the caller holds the lock."""
@@ -478,27 +467,13 @@ class Session:
         if back:
             self._tell_state(clients)
 
-    def _frame(self, image: Image, state: State, version: int, milliseconds: float, *, preview: bool = False) -> None:
-        stats = image.stats
-        last = not preview and stats.get("stage") == stats.get("stages")
-        kind, payload = frames.encoded(frames.levels(image, self._behind(state)), exact=last)
+    def _frame(self, image: Image, state: State, version: int, milliseconds: float, *, preview: bool = False) -> bool:
+        """Show a picture; return whether it is complete."""
+        told = frame_message(image, state, milliseconds, preview=preview)
+        last: bool = told["last"]
+        kind, payload = frames.encoded(frames.levels(image, state.changes.get("backdrop", _BEHIND)), exact=last)
         self._number += 1
-        message = {
-            "type": "frame",
-            "number": self._number,
-            "kind": kind,
-            "size": image.size,
-            "stage": 0 if preview else int(stats.get("stage", 1)),
-            "stages": int(stats.get("stages", 1)),
-            "last": last,
-            "milliseconds": milliseconds,
-            "error": None if preview else stats.get("estimated_rmse"),
-            "camera": camera_parts(state.camera),
-            "choice": state.choice,
-            "time": state.time,
-            "bars": bars_of(image),
-            **self._history.steps,
-        }
+        message = {**told, "number": self._number, "kind": kind, **self._history.steps}
         if last:
             self._image = image
             with self._wake:
@@ -510,11 +485,7 @@ class Session:
             client.show(message, payload)
         if last and not self._superseded(version):
             self._tell(about(image, self._costs))
-
-    def _behind(self, state: State) -> Triple:
-        """Return the colour behind transparent pixels."""
-        found: Triple = state.changes.get("backdrop", _BEHIND)
-        return found
+        return last
 
     # What pages ask for, done by the thread that draws.
 
@@ -599,24 +570,25 @@ class Session:
         def progress(_: float) -> bool:
             return not (self._stopped or self._closed or client.gone)
 
+        def effects() -> dict[str, Any]:
+            state = self.state
+            scene = compose.scene_of(self.shown, state)
+            return measured_effects(self._renderer, scene, state.camera, self.size, progress)
+
         client.send({"type": "measuring", "what": what})
         stopped = False
         try:
-            if what == "error":
-                # Nothing where there is no picture yet.
-                if self._image is not None:
-                    client.send(*error_of(self._image, progress))
-            else:
-                state = self.state
-                scene = compose.scene_of(self.shown, state)
-                told = measured_effects(self._renderer, scene, state.camera, self.size, progress)
+            if what == "effects":
+                told = effects()
                 self._costs = told["costs"]
                 self._tell(told)
-        except Cancelled:
+            elif self._image is not None:
+                # Nothing where there is no picture yet.
+                client.send(*error_of(self._image, progress))
+        except (Cancelled, Unsupported) as error:
             stopped = True
-        except Unsupported as error:
-            client.send(_error_message(str(error)))
-            stopped = True
+            if isinstance(error, Unsupported):
+                client.send(_error_message(str(error)))
         client.send({"type": "measured", "what": what, "stopped": stopped})
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat._checks import Triple, choice, color, convert, number, share, shown, triple, whole
+from sheetsplat._checks import Triple, choice, color, convert, number, share, shown, triple, truth, whole
 from sheetsplat.camera import Camera
 from sheetsplat.describe.schema import CAMERAS, camera_of, eye_parts, fits, tuples, value_of
 from sheetsplat.errors import complain, unusable
@@ -23,6 +23,7 @@ from sheetsplat.options.quality import QUALITIES
 from sheetsplat.options.renderer import RendererClassOptions
 from sheetsplat.options.scene import SceneOptions
 from sheetsplat.transfer import TransferFunction, color_limits, color_rows
+from sheetsplat.viewer.label_look import LabelLook
 
 Floats = NDArray[np.float64]
 # Most rows of a curve, and most lights, planes and surfaces that a page may set.
@@ -45,11 +46,14 @@ class Curves:
         Rows (value, opacity), (M, 2).
     cmap
         Name of the colormap that the colours are, or empty.
+    shown
+        Whether anything is shown; if not, all opacities are 0.
     """
 
     colors: Floats
     opacities: Floats
     cmap: str = ""
+    shown: bool = True
 
     @classmethod
     def of(cls, function: TransferFunction, cmap: str = "") -> Curves:
@@ -62,14 +66,19 @@ class Curves:
         if not isinstance(other, Curves):
             return NotImplemented
         same = np.array_equal(self.colors, other.colors) and np.array_equal(self.opacities, other.opacities)
-        return same and self.cmap == other.cmap
+        return same and (self.cmap, self.shown) == (other.cmap, other.shown)
 
     __hash__ = None  # type: ignore[assignment]
 
     @property
     def function(self) -> TransferFunction:
         """The transfer function."""
-        return TransferFunction.from_curves(self.colors, self.opacities)
+        return TransferFunction.from_curves(self.colors, self.seen)
+
+    @property
+    def seen(self) -> Floats:
+        """Rows (value, opacity) of what is shown."""
+        return self.opacities * (1.0, float(self.shown))
 
     @property
     def limits(self) -> tuple[float, float]:
@@ -83,7 +92,8 @@ class Curves:
         ----------
         given
             Any of, done in this order: preset (name of a transfer function), range (two values to which colours and
-            opacities are stretched), cmap (name), colors (rows), word (of opacities), opacity (rows).
+            opacities are stretched), cmap (name), color (of the highest value; black is that of the lowest one), colors
+            (rows), word (of opacities), opacity (rows), shown.
         """
         made = self
         if "preset" in given:
@@ -91,14 +101,19 @@ class Curves:
         if "range" in given:
             made = made.stretched(*color_limits(given["range"]))
         if "cmap" in given:
-            rows, (low, high) = color_rows(_text("cmap", given["cmap"])), made.limits
+            rows, (low, high) = color_rows(_cmap("view: cmap", given["cmap"])), made.limits
             made = replace(made, colors=_spread(rows[:, :3], low, high), cmap=given["cmap"])
+        if "color" in given:
+            ends = np.array([(0.0, 0.0, 0.0), _color("view: color", given["color"])])
+            made = replace(made, colors=_spread(ends, *made.limits), cmap="")
         if "colors" in given:
             made = replace(made, colors=_rows("colors", given["colors"], 4), cmap="")
         if "word" in given:
-            made = replace(made, opacities=opacities_of(_text("word", given["word"]), *made.limits))
+            made = replace(made, opacities=opacities_of(_text("view: word", given["word"]), *made.limits))
         if "opacity" in given:
             made = replace(made, opacities=_rows("opacity", given["opacity"], 2))
+        if "shown" in given:
+            made = replace(made, shown=truth("view: shown", given["shown"]))
         return made
 
     def stretched(self, low: float, high: float) -> Curves:
@@ -133,8 +148,14 @@ def _rows(what: str, given: object, columns: int) -> Floats:
 
 def _text(what: str, given: object) -> str:
     if not isinstance(given, str) or len(given) > 100:
-        raise complain(unusable(f"view: {what}"), shown(given), "a short text")
+        raise complain(unusable(what), shown(given), "a short text")
     return given
+
+
+def _cmap(what: str, given: object) -> str:
+    name = _text(what, given)
+    color_rows(name)
+    return name
 
 
 def handles(rows: Floats, step: float) -> Floats:
@@ -237,7 +258,7 @@ class State:
     changes
         What was changed of the scene that follows from data, mode and quality, by name; see `checked_changes`.
     curves
-        Transfer functions that were changed, by number of the group.
+        Transfer functions, and colours of labels, that were changed, by number of the group.
     settings
         Options of the renderer that were changed: max_error, max_seconds, effects.
     """
@@ -248,7 +269,7 @@ class State:
     choice: int = 0
     time: int = 0
     changes: Mapping[str, Any] = field(default_factory=dict)
-    curves: Mapping[int, Curves] = field(default_factory=dict)
+    curves: Mapping[int, Curves | LabelLook] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
     camera_of: int = 0
 
@@ -279,7 +300,7 @@ class State:
         """The state without what the page draws over the picture: states that are the same so have one picture."""
         return replace(self, changes={name: one for name, one in self.changes.items() if name not in OF_PAGES})
 
-    def with_curves(self, group: int, curves: Curves | None) -> State:
+    def with_curves(self, group: int, curves: Curves | LabelLook | None) -> State:
         """Return the state with the curves of a group changed; None: as they were at first."""
         others = {n: one for n, one in self.curves.items() if n != group}
         return replace(self, curves=others if curves is None else {**others, group: curves})
@@ -303,13 +324,20 @@ def camera_parts(camera: Camera) -> dict[str, Any]:
 
 _COLOR, _OPEN_COLOR = Sequence[float] | str, Sequence[float] | str | None
 #: Options of `Scene` that a page changes as they are.
-OF_SCENES = ("scalar_colors", "lights", "material", "shadows", "ambient_occlusion", "gradient_opacity", "clip")
+OF_SCENES = (
+    *("scalar_colors", "lights", "material", "shadows", "ambient_occlusion", "gradient_opacity", "clip"),
+    "slice_planes",
+)
 #: What the page draws over the picture, and whether it does unless that was changed.
 SHOWS = {"box": False, "directions": True, "bars": True, "scale": False}
 #: Changes that are no part of the picture.
 OF_PAGES = ("shows", "measures")
+#: Options of `render` by which another array of the data gives the colours: its name, and its colormap.
+OF_COLORING = ("color_by", "color_map")
 _CHANGES = {
     **{name: definitions(SceneOptions)[name] for name in OF_SCENES},
+    "color_by": Option("", name="color_by", type=str | None, check=optional(_text)),
+    "color_map": Option("", name="color_map", type=str, check=_cmap),
     "surfaces": Option("", name="surfaces", type=Sequence[Surface], check=_surfaces),
     "depth_cue": Option("", name="depth_cue", type=Cue | None),
     "background": Option("", name="background", type=_OPEN_COLOR, check=optional(_color)),

@@ -197,7 +197,8 @@ def test_messages_of_the_command_name_its_options(tmp_path, volume):
     ).stderr
     assert "--effect" in stderr and "effects=" not in stderr
     np.savez(tmp_path / "two.npz", a=np.zeros((2, 2, 2)), b=np.zeros((2, 2, 2)))
-    assert "--name TEXT" in run("info", tmp_path / "two.npz", code=1).stderr
+    assert "--name TEXT" in run("render", tmp_path / "two.npz", "-o", tmp_path / "a.png", code=1).stderr
+    assert "a, b; choose with --name" in run("info", tmp_path / "two.npz").output
     (tmp_path / "a.raw").write_bytes(bytes(10))
     for shape in ("2x2x2", "3x3x3"):
         stderr = run("info", tmp_path / "a.raw", "--shape", shape, "--dtype", "uint8", code=1).stderr

@@ -240,3 +240,21 @@ def test_the_page_lets_choose_among_the_arrays_of_a_file(opened, tmp_path):
     assert session.state.camera == camera and "scalar='heat'" in session.code().replace('"', "'")
     assert message["bars"][0]["label"].startswith("heat")
     assert not opened(path, scalar="heat").shown.names
+
+
+def test_after_a_coarse_copy_what_was_soon_complete_is_drawn_at_once(opened, monkeypatch):
+    monkeypatch.setattr(coarse, "_MANY", 4000)
+    monkeypatch.setattr(coarse, "_FEW", 1000)
+    monkeypatch.setattr(previews, "_SLOW", 0.0)
+    monkeypatch.setattr(previews, "_AFTER_COPY", 1e-6)
+    session = opened(volume(n=24), shadows=True)
+    page = Page(session)
+    page.wait("about")
+    stages = []
+    for turn, soon in enumerate((0.0, 1e9)):
+        monkeypatch.setattr(previews, "_SOON", soon)
+        page.set(camera={**CHANGES["camera"], "fov_y": 30 + turn})
+        page.wait("frame", stage=0)
+        page.wait("about")
+        stages.append(page.wait("frame", last=True)[0]["stages"])
+    assert stages[0] > 1 == stages[1]

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import io
-import shutil
-import subprocess
 import time
 
 import numpy as np
 import pytest
 from browser_pages import (
     LAST,
+    NARROW,
     camera_of,
     complete_after,
+    fetched_rules,
     middle_of,
+    open_all,
     press,
     saved,
+    serious,
     shown,
     tick,
     values,
@@ -31,7 +33,6 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(bool(missing()), reason=missing() or "-"),
 ]
-NARROW = (390, 760)
 CONTROL, SHIFT = 2, 8
 
 
@@ -50,30 +51,7 @@ def opened(browser):
 
 @pytest.fixture(scope="module")
 def rules(tmp_path_factory):
-    """Return the script of axe-core, which npm fetches."""
-    if not shutil.which("npm"):
-        pytest.skip("no npm, which fetches axe-core")
-    folder = tmp_path_factory.mktemp("axe")
-    packed = ["npm", "pack", "axe-core@4", "--silent", "--pack-destination", str(folder)]
-    fetched = subprocess.run(packed, cwd=folder, capture_output=True, timeout=60, check=False)
-    if fetched.returncode:
-        pytest.skip("npm cannot fetch axe-core")
-    shutil.unpack_archive(next(folder.glob("*.tgz")), folder)
-    return (folder / "package" / "axe.min.js").read_text()
-
-
-def serious(page, rules):
-    """Return what accessibility rules find that is serious or critical."""
-    page.evaluate(rules + ";0")
-    return page.evaluate(
-        "axe.run(document, {resultTypes: ['violations']}).then((found) => found.violations"
-        ".filter((one) => ['serious', 'critical'].includes(one.impact))"
-        ".map((one) => [one.id, one.nodes.map((node) => node.html.slice(0, 120)).slice(0, 3)]))"
-    )
-
-
-def open_all(page):
-    page.evaluate("document.querySelectorAll('details').forEach(d => { d.open = true })")
+    return fetched_rules(tmp_path_factory.mktemp("axe"))
 
 
 def test_keys_work_without_a_click_and_leave_fields_alone(opened):

@@ -7,8 +7,8 @@ from importlib import resources
 
 # In their order: each may use what those before it define.
 _PARTS = (
-    *("camera.js", "parts.js", "saving.js", "editor.js", "measures.js", "overlay.js", "presets.js", "panels.js"),
-    *("keys.js", "viewer.js"),
+    *("camera.js", "parts.js", "saving.js", "editor.js", "measures.js", "overlay.js", "presets.js"),
+    *("labels.js", "channels.js", "panels.js", "planes.js", "keys.js", "hands.js", "viewer.js"),
 )
 _HTML, _JAVASCRIPT, _CSS = (f"text/{kind}; charset=utf-8" for kind in ("html", "javascript", "css"))
 

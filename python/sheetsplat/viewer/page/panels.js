@@ -8,6 +8,9 @@ function lookPanel(set, offered) {
   let state = null;
   let data = null;
   const change = (part) => set({ look: { group, ...part } });
+  const channels = channelRows(set);
+  const coloring = colorByRows(set, offered);
+  const labels = labelRows(change);
   const groups = choice([], (value) => {
     group = Number(value);
     show(state, data);
@@ -34,11 +37,11 @@ function lookPanel(set, offered) {
   const unitNote = h("p", { className: "hint" }, "Presets are for Hounsfield units, which these data do not state.");
   const own = h("p", { className: "hint" },
     "Drag the points. Double-click adds one, right-click or Delete removes it. Double-click a colour to change it.");
-  const function_ = h("div", {},
-    row("Data", groups), editor,
+  const curves = h("div", {}, editor,
     row("Colours", maps), row("Opacity curve", words), row("Preset", presets), unitNote, row("Range", ...ends),
     h("div", { className: "buttons" }, button("Automatic", () => change({ automatic: true }), "Colours and opacities by the histogram")),
     ...presetRows(() => state.looks[group], change), own);
+  const function_ = h("div", {}, channels, row("Edit", groups), curves, labels);
   const surfaces = h("div", {});
   const limits = ["Lowest number", "Highest number"].map((title) =>
     h("input", { type: "number", step: "any", className: "number", title, "aria-label": title, onchange: recolor }),
@@ -90,15 +93,23 @@ function lookPanel(set, offered) {
     state = given;
     data = known;
     if (!state) return;
-    function_.hidden = state.fold !== "opacities";
-    surfaces.hidden = state.fold !== "surfaces";
-    scalar.hidden = COLORED.includes(state.fold);
+    coloring.show(state, data);
+    function_.hidden = !state.looks.length;
+    surfaces.hidden = state.fold !== "surfaces" || !function_.hidden;
+    scalar.hidden = COLORED.includes(state.fold) || !function_.hidden;
     if (!function_.hidden) {
       group = Math.min(group, state.looks.length - 1);
       groups.parentElement.hidden = state.looks.length < 2;
       groups.offer(state.looks.map((_, n) => [String(n), `${n + 1}: ${data.groups[n].label}`]));
       groups.show(String(group));
+      channels.show(state.looks, data.groups);
       const look = state.looks[group];
+      labels.hidden = !look.labels;
+      curves.hidden = !labels.hidden;
+      if (look.labels) {
+        labels.show(look.labels);
+        return;
+      }
       const names = Object.keys(offered().colormaps);
       maps.offer([...(look.cmap && names.includes(look.cmap) ? [] : [[look.cmap, look.cmap || "own colours"]]), ...names]);
       maps.show(look.cmap);
@@ -123,7 +134,7 @@ function lookPanel(set, offered) {
       });
     }
   }
-  return { element: section("Colours and opacity", true, function_, surfaces, scalar), show, editor };
+  return { element: section("Colours and opacity", true, function_, surfaces, scalar, coloring), show, editor };
 }
 
 /** A pad that shows a ball and where its light comes from. */

@@ -9,8 +9,6 @@ const MOST_PIXELS = 2600 * 1600;
 const IMPATIENT = 400;
 // How long the camera that hands moved counts more than those of pictures that were drawn before.
 const OWN = 2000;
-// A press that moved fewer pixels is a click.
-const STILL = 4;
 
 /** Whether two cameras are the same, as far as they have the same numbers. */
 function sameCamera(a, b) {
@@ -32,7 +30,6 @@ function mount(root, connect, keys = root) {
   let own = 0; // When hands moved it, until a picture shows it.
   let drawn = { number: 0, camera: null, size: [1, 1], bars: [] };
   let pending = {};
-  let moving = false;
   let flight = 0;
   let about = { plan: null };
   let lastError = "";
@@ -48,7 +45,8 @@ function mount(root, connect, keys = root) {
   function set(changes) {
     if (!state) return;
     for (const [name, value] of Object.entries(changes)) {
-      pending[name] = name === "look" && pending.look && pending.look.group === value.group ? { ...pending.look, ...value } : value;
+      if (name === "look" && pending.look && pending.look.group !== value.group) sendPending();
+      pending[name] = name === "look" ? { ...pending.look, ...value } : value;
       if (name in state && name !== "look") state[name] = value;
     }
     forgetError();
@@ -88,6 +86,7 @@ function mount(root, connect, keys = root) {
     look: lookPanel(set, () => offered),
     light: lightPanel(set),
     clip: clipPanel(set, () => camera),
+    planes: planePanel(set, () => offered, () => camera),
     quality: qualityPanel(set, send),
     measure: measurePanel(set, () => redraw()),
     plan: planPanel(set, send),
@@ -140,7 +139,7 @@ function mount(root, connect, keys = root) {
   const roll = h("div", { className: "buttons" }, button("⟲ 90°", () => fly(rolled(camera, Math.PI / 2)), "Turn the picture left"), button("⟳ 90°", () => fly(rolled(camera, -Math.PI / 2)), "Turn the picture right"));
   const viewPanel = section("View", false, ...toggles, row("Turn", roll), row("Background", back, backColor), row("Behind it", behind));
   const reset = button("As at first", () => set({ automatic: true }), "The look that follows from the data");
-  const side = h("aside", {}, panels.look.element, panels.light.element, panels.clip.element, viewPanel, panels.measure.element, panels.quality.element, panels.plan.element, h("div", { className: "buttons" }, reset));
+  const side = h("aside", {}, panels.look.element, panels.light.element, panels.clip.element, panels.planes.element, viewPanel, panels.measure.element, panels.quality.element, panels.plan.element, h("div", { className: "buttons" }, reset));
 
   const hover = h("span", { className: "hover" });
   const numbers = h("span", { className: "numbers" });
@@ -231,7 +230,7 @@ function mount(root, connect, keys = root) {
       drawn = message;
       see();
       if (camera && sameCamera(camera, message.camera)) own = 0;
-      if (!camera || (!moving && !flight && (!own || performance.now() - own > OWN))) camera = message.camera;
+      if (!camera || (!hands.moving && !flight && (!own || performance.now() - own > OWN))) camera = message.camera;
       kinds.textContent = camera.kind === "perspective" ? "Parallel" : "Perspective";
       const of = message.last ? "" : message.stage ? `stage ${message.stage} of ${message.stages} · ` : "preview · ";
       const error = message.error === null || (message.last && message.error < 1e-4) ? "" : `error about ${shortNumber(message.error)} · `;
@@ -242,7 +241,7 @@ function mount(root, connect, keys = root) {
       forgetError();
       redraw();
       if (message.last) {
-        ask();
+        hands.ask();
         nextTime();
       }
     } else counts.stale += 1;
@@ -315,7 +314,7 @@ function mount(root, connect, keys = root) {
         return;
       }
       // The pointer may have gone on.
-      if (!pointer || moving || message.x !== pointer[0] || message.y !== pointer[1]) return;
+      if (hands.moving || !hands.pointer || message.x !== hands.pointer[0] || message.y !== hands.pointer[1]) return;
       if (message.value === null) {
         hover.textContent = "";
         hint.classList.remove("shown");
@@ -432,108 +431,28 @@ function mount(root, connect, keys = root) {
 
   // Hands.
 
-  const fingers = new Map();
-  const pointOf = (event) => {
-    const box = stage.getBoundingClientRect();
-    return [event.clientX - box.left, event.clientY - box.top];
-  };
-  let grip = null;
-  let pressed = null; // Where a click began, while it may be one.
-  stage.addEventListener("contextmenu", (event) => event.preventDefault());
-  stage.addEventListener("pointerdown", (event) => {
-    if (!camera || event.target.closest(".notices")) return;
-    stage.focus({ preventScroll: true });
-    stage.setPointerCapture(event.pointerId);
-    const point = pointOf(event);
-    fingers.set(event.pointerId, point);
-    cancelAnimationFrame(flight);
-    flight = 0;
-    moving = true;
-    hint.classList.remove("shown");
-    grip = fingers.size === 1 && event.button === 0 ? over.hit(point) : null;
-    pressed = fingers.size === 1 && event.button === 0 && !grip ? point : null;
+  const hands = listenToHands(stage, {
+    camera: () => camera,
+    setCamera,
+    began() {
+      cancelAnimationFrame(flight);
+      flight = 0;
+      hint.classList.remove("shown");
+    },
+    hit: over.hit,
+    near: over.near,
+    aims: () => panels.measure.kind,
+    pick: (share, purpose) => send({ type: "pick", ...share, purpose }),
+    rests([x, y]) {
+      hint.style.left = `${Math.min(x + 14, stage.clientWidth - 60)}px`;
+      hint.style.top = `${y + 14}px`;
+      hint.classList.remove("shown");
+    },
+    leaves() {
+      hint.classList.remove("shown");
+      hover.textContent = "";
+    },
   });
-  stage.addEventListener("pointermove", (event) => {
-    const before = fingers.get(event.pointerId);
-    const point = pointOf(event);
-    if (!before) {
-      pointAt(point);
-      return;
-    }
-    if (grip) {
-      grip.move(point);
-      return;
-    }
-    if (pressed && panels.measure.kind && Math.hypot(point[0] - pressed[0], point[1] - pressed[1]) < STILL) return;
-    pressed = null;
-    const [dx, dy] = [point[0] - before[0], point[1] - before[1]];
-    const high = stage.clientHeight;
-    if (fingers.size === 1) {
-      if (event.buttons & 6 || event.shiftKey) setCamera(panned(camera, dx / high, -dy / high));
-      else if (event.ctrlKey || event.metaKey) {
-        const middle = [stage.clientWidth / 2, high / 2];
-        const angle = (at) => Math.atan2(middle[1] - at[1], at[0] - middle[0]);
-        setCamera(rolled(camera, angle(point) - angle(before)));
-      } else setCamera(orbited(camera, (-dx / high) * Math.PI, (dy / high) * Math.PI));
-    } else if (fingers.size === 2) {
-      const other = [...fingers].find(([id]) => id !== event.pointerId)[1];
-      const spread = (at) => Math.hypot(at[0] - other[0], at[1] - other[1]) || 1;
-      const angle = (at) => Math.atan2(other[1] - at[1], at[0] - other[0]);
-      let next = panned(camera, dx / 2 / high, -dy / 2 / high);
-      const middle = [(point[0] + other[0]) / 2, (point[1] + other[1]) / 2];
-      next = zoomed(next, spread(point) / spread(before), (middle[0] - stage.clientWidth / 2) / high, (high / 2 - middle[1]) / high);
-      setCamera(rolled(next, angle(point) - angle(before)));
-    }
-    fingers.set(event.pointerId, point);
-  });
-  const released = (event) => {
-    fingers.delete(event.pointerId);
-    if (fingers.size) return;
-    if (grip) grip.end();
-    grip = null;
-    moving = false;
-    if (pressed && panels.measure.kind) send({ type: "pick", ...shareOf(pressed), purpose: "measure" });
-    pressed = null;
-    pointAt(pointOf(event));
-  };
-  stage.addEventListener("pointerup", released);
-  stage.addEventListener("pointercancel", released);
-  stage.addEventListener("pointerleave", () => {
-    hint.classList.remove("shown");
-    hover.textContent = "";
-    pointer = null;
-  });
-  stage.addEventListener("wheel", (event) => {
-    if (!camera) return;
-    event.preventDefault();
-    const [x, y] = pointOf(event);
-    const high = stage.clientHeight;
-    const lines = event.deltaMode === 1 ? 33 : event.deltaMode === 2 ? high : 1;
-    const by = Math.min(Math.max(-event.deltaY * lines, -240), 240);
-    setCamera(zoomed(camera, Math.exp(by * 0.0016), (x - stage.clientWidth / 2) / high, (high / 2 - y) / high));
-  }, { passive: false });
-  const shareOf = ([x, y]) => ({ x: x / stage.clientWidth, y: y / stage.clientHeight });
-  const centre = (point) => send({ type: "pick", ...shareOf(point), purpose: "centre" });
-  stage.addEventListener("dblclick", (event) => {
-    if (!panels.measure.kind) centre(pointOf(event));
-  });
-
-  let pointer = null; // Where it rests, in shares of the picture.
-  let pointed = 0;
-  /** Asks what is under the pointer; the session answers when the picture is complete. */
-  function ask() {
-    if (pointer && !moving) send({ type: "pick", x: pointer[0], y: pointer[1], purpose: "tell" });
-  }
-  function pointAt(point) {
-    const { x, y } = shareOf(point);
-    pointer = [x, y];
-    stage.style.cursor = over.near(point) ? "grab" : "";
-    hint.style.left = `${Math.min(point[0] + 14, stage.clientWidth - 60)}px`;
-    hint.style.top = `${point[1] + 14}px`;
-    clearTimeout(pointed);
-    hint.classList.remove("shown");
-    pointed = setTimeout(ask, 60);
-  }
 
   const forgetKeys = listenToKeys(keys, root, {
     camera: () => camera,
@@ -549,11 +468,7 @@ function mount(root, connect, keys = root) {
       d: () => panels.measure.take("distance"),
       a: () => panels.measure.take("angle"),
       escape: () => panels.measure.take(null),
-      enter: () => {
-        const middle = [stage.clientWidth / 2, stage.clientHeight / 2];
-        if (panels.measure.kind) send({ type: "pick", ...shareOf(middle), purpose: "measure" });
-        else centre(middle);
-      },
+      enter: () => hands.pick(panels.measure.kind ? "measure" : "centre"),
       "?": () => help(),
       h: () => help(),
       " ": () => play.click(),

@@ -19,6 +19,7 @@
 #include "light_volume-inl.hpp"
 #include "slab-inl.hpp"
 #include "surface_light-inl.hpp"
+#include "transfer-inl.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
@@ -76,6 +77,44 @@ HWY_NOINLINE void fade(const Slab<T>& slab, EffectRow<T>& row, const GradientSca
     const auto full = hn::Set(d, scale.full);
     row.for_each(row.seen, [&](int, int number, auto) {
         hn::Store(hn::Div(hn::Min(length(d, row.against(d, number)), full), full), d, row.faded + number);
+    });
+}
+
+/// Mixes normals with those of the cuts through which rays came: gradients become shorter than g0, which keeps them as
+/// they are. Of several groups alpha holds absorptions.
+template <class T>
+HWY_NOINLINE void turn_to_faces(const Slab<T>& slab, EffectRow<T>& row, const GradientScale<T>& scale) {
+    using V = typename Slab<T>::V;
+    const typename Slab<T>::D d;
+    const Shading<T>& shading = slab.shading;
+    const bool mixed = shading.groups.size() > 1;
+    const FacePlanes<T>& faces = slab.picture.faces[static_cast<std::size_t>(&slab.group - shading.groups.data())];
+    const V zero = hn::Zero(d), one = hn::Set(d, T(1)), weakest = hn::Set(d, scale.weakest);
+    const V slice = hn::Set(d, static_cast<T>(slab.window.n));
+    const V length_of = hn::Set(d, static_cast<T>(shading.face_length));
+    const V per_length = hn::Set(d, static_cast<T>(1.0 / shading.face_length));
+    row.for_each(row.alpha, [&](int x, int number, auto) {
+        const std::ptrdiff_t at = slab.in_plane(row.y) + x;
+        const V whole = hn::Sub(slice, hn::LoadU(d, faces.slice + at));
+        const V behind = hn::Add(whole, hn::Sub(hn::Load(d, row.share + number), hn::LoadU(d, faces.behind + at)));
+        const V near = hn::Max(hn::Min(hn::NegMulAdd(behind, per_length, hn::Set(d, T(2))), one), zero);
+        if (hn::AllFalse(d, hn::Gt(near, zero))) {
+            return;
+        }
+        const V alpha = hn::Load(d, row.alpha + number);
+        const V opacity = mixed ? opacity_of_absorption(d, hn::Mul(alpha, length_of))
+                                : corrected_opacity(d, alpha, length_of);
+        const V on_face = hn::Mul(near, opacity);
+        const auto against = row.against(d, number);
+        const V left = hn::Div(hn::Mul(hn::Sub(one, on_face), weakest), hn::Max(length(d, against), weakest));
+        const V face = hn::Mul(on_face, weakest);
+        const auto turn = [&](V own, const T* normal, T* to) {
+            hn::Store(hn::MulAdd(face, hn::LoadU(d, normal + at), hn::Mul(left, own)), d, to + number);
+        };
+        turn(against.x, faces.normal[0], row.against_x);
+        turn(against.y, faces.normal[1], row.against_y);
+        turn(against.z, faces.normal[2], row.against_z);
+        hn::Store(hn::Mul(left, hn::Load(d, row.doubt + number)), d, row.doubt + number);
     });
 }
 
@@ -198,6 +237,9 @@ HWY_INLINE void find_gradients_of(const Slab<T>& slab, EffectRow<T>& row, const 
 template <bool perspective, class T>
 HWY_INLINE void shade_colors(const Slab<T>& slab, EffectRow<T>& row, const GradientScale<T>& scale) {
     const Shading<T>& shading = slab.shading;
+    if (shading.cut_faces) {
+        turn_to_faces(slab, row, scale);
+    }
     if (shading.shadows || shading.occlusion) {
         light_dimmed<perspective>(slab, row, scale);
     } else if (shading.lit) {

@@ -52,7 +52,7 @@ bool same(const Clip& a, const Clip& b) {
     const std::vector<Clip::Plane> first = a.half_spaces(), second = b.half_spaces();
     return std::equal(first.begin(), first.end(), second.begin(), second.end(),
                       [](const Clip::Plane& one, const Clip::Plane& other) {
-                          return one.normal == other.normal && one.offset == other.offset;
+                          return one.normal == other.normal && one.offset == other.offset && one.center == other.center;
                       });
 }
 

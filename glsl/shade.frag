@@ -274,7 +274,7 @@ void main() {
         float middle = float(c);
 #endif
 #ifdef CUT_FACES
-        face = face_of(entry, float(first_slab - runs.x) + middle, opacity_of(alpha, face_length));
+        face = face_of(entry, float(first_slab - runs.x) + middle, absorption(min(alpha, 1.0 - clearest)), result.a);
 #endif
         vec3 color = SEEN(classified.rgb, middle);
         float share = (1.0 - result.a) * alpha;

@@ -364,8 +364,7 @@ void main() {
                 continue;
             }
 #ifdef CUT_FACES
-            face = face_of(texelFetch(face_texture, ivec3(at, g), 0), float(first_slab - first_kept[g]) + middle,
-                           opacity_of_absorption(tau * exponent * slant * face_length));
+            face = face_of(texelFetch(face_texture, ivec3(at, g), 0), float(first_slab - first_kept[g]) + middle, tau * exponent * slant, result.a);
 #endif
 #ifdef DOUBT
             largest_error = max(largest_error, normal_error(normal_gradient, gradient_error(middle)));

@@ -19,6 +19,7 @@
 #include "reach-inl.hpp"
 #include "scene/mode_rules.hpp"
 #include "transfer-inl.hpp"
+#include "view/cut_faces.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
@@ -234,7 +235,7 @@ struct Slab {
         const double half_width = 0.5 * (window.rect.x1 - 1 - window.rect.x0);
         const double half_height = 0.5 * (window.rect.y1 - 1 - window.rect.y0);
         // Behind a cut its face counts for a while.
-        const double faces = shading.cut_faces ? 2.0 * shading.face_length : 0.0;
+        const double faces = shading.cut_faces ? 2.0 * face_lengths * shading.face_length : 0.0;
         for (const double ahead : {0.0, behind ? 1.0 : 0.0, -faces}) {
             const double at_depth = shading.first_depth + (static_cast<double>(window.n) + ahead) * shading.slice_spacing;
             const double wide = shading.pixel * (shading.perspective ? at_depth : 1.0);

@@ -250,7 +250,7 @@ void ShownSpots::add_slice(const Ray& ray, std::int64_t n, const At& values, dou
             if (lit_.plan.cut_faces) {
                 const double length = std::max(1.0, lit_.frame.reference_length / lit_.frame.slice_spacing);
                 spot.on_face = faces_.at(group, ray.column, ray.row)
-                                   .share(static_cast<double>(n) + spot.behind, -std::expm1(-own * length), length);
+                                   .share(static_cast<double>(n) + spot.behind, own, alpha, length);
             }
             extinction += own;
             weights += weight;

@@ -17,6 +17,9 @@ constexpr double never = std::numeric_limits<double>::infinity();
 // A point so little in front of a depth limit, in slice distances, is at it.
 constexpr double at_the_limit = 1e-6;
 
+// -ln(2^-24): what is opaque.
+constexpr double thickest_face = 16.635532333438686;
+
 } // namespace
 
 bool calls_for_gradients(const Scene& scene) {
@@ -325,9 +328,12 @@ void Compositor::turn_to_face(const View& view, double depth, double extinction,
     const Vec3 along = screen_.point(view.pixel.column, view.pixel.row, 1.0) - start;
     const CutFace face = ends_[view.group].entered(start, along, clipping_.entered(start, along));
     const double length = std::max(slices_.spacing, reference_distance_);
+    const double thickness = std::min(extinction * length / slices_.spacing, thickest_face);
+    const double behind = (depth - face.depth) / length;
+    const double through = extinction_of(picture_.rgba[4 * view.pixel.number + 3]) / thickness;
     lighting.face = face.normal;
-    lighting.on_face = -std::expm1(-extinction * length / slices_.spacing) *
-                       std::clamp(2.0 - (depth - face.depth) / length, 0.0, 1.0);
+    lighting.on_face = -std::expm1(-4.0 * thickness) * std::clamp(2.0 - behind / 4.0, 0.0, 1.0) *
+                       std::clamp(2.0 - (behind - through), 0.0, 1.0);
 }
 
 Vec3 Compositor::shaded(const View& view, const Vec3& color, const Vec3& gradient, double depth,
@@ -335,7 +341,7 @@ Vec3 Compositor::shaded(const View& view, const Vec3& color, const Vec3& gradien
     const Pixel& pixel = view.pixel;
     Lighting lighting{screen_.to_viewer(pixel.column, pixel.row), screen_.point(pixel.column, pixel.row, depth),
                       surroundings_, nudge_, view.group};
-    if (scene_.cut_faces) {
+    if (scene_.cut_faces && extinction > 0.0) {
         turn_to_face(view, depth, extinction, lighting);
     }
     const Vec3 lit = shader_.shade(color, gradient, lighting);

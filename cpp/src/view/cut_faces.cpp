@@ -1,6 +1,7 @@
 #include "view/cut_faces.hpp"
 
 #include <algorithm>
+#include <cmath>
 
 #include <glm/geometric.hpp>
 
@@ -15,8 +16,12 @@ constexpr double at_one_place = 1e-3;
 
 } // namespace
 
-double CutFace::share(double at_slice, double opacity, double length) const {
-    return opacity * std::clamp(2.0 - (at_slice - slice) / length, 0.0, 1.0);
+double CutFace::share(double at_slice, double absorbed, double in_front, double length) const {
+    const double thickness = std::min(absorbed * length, thickest_face);
+    const double behind = (at_slice - slice) / length;
+    const double through = std::min(-std::log1p(-in_front), thickest_face) / thickness;
+    return -std::expm1(-face_lengths * thickness) * std::clamp(2.0 - behind / face_lengths, 0.0, 1.0) *
+           std::clamp(2.0 - (behind - through), 0.0, 1.0);
 }
 
 CutFaces::CutFaces(const Scene& scene, const DrawPlan& plan, const Camera& camera, const Frame& frame)

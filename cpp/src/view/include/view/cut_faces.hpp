@@ -14,14 +14,19 @@
 
 namespace sheetsplat {
 
+/// The most that matter absorbs, -ln(2^-24), for what its faces count.
+constexpr double thickest_face = 16.635532333438686;
+/// Lengths of matter whose opacity says how much of a face is opaque, and behind which it fades.
+constexpr double face_lengths = 4.0;
+
 /// The face of a cut through which a ray comes.
 struct CutFace {
     double slice = -std::numeric_limits<double>::infinity(); ///< where, as Frame counts them; infinite: there is none
     Vec3 normal{0.0};                                        ///< unit length, eye space, outward
 
-    /// What it counts, `slice` slice distances behind slice 0, for matter of this opacity over `length` slice distances
-    /// (ShadingInputs::face_length).
-    [[nodiscard]] double share(double at_slice, double opacity, double length) const;
+    /// What it counts for matter `at_slice` slice distances behind slice 0 that absorbs so much of a slice's light,
+    /// behind an opacity `in_front`; length: ShadingInputs::face_length.
+    [[nodiscard]] double share(double at_slice, double absorbed, double in_front, double length) const;
 };
 
 /// Found in float64: what a pixel needs of them fits into any number format.

@@ -111,8 +111,7 @@ Numbers table_of(const std::vector<LightSpot>& spots) {
         for (const double value : {static_cast<double>(spot.number), static_cast<double>(spot.slice), spot.behind,
                                    static_cast<double>(spot.group), spot.color.x, spot.color.y, spot.color.z,
                                    spot.share, spot.chances[0], spot.chances[1], static_cast<double>(spot.part),
-                                   spot.occlusion ? 1.0 : 0.0, spot.stands_for[0], spot.stands_for[1],
-                                   spot.on_face}) {
+                                   spot.occlusion ? 1.0 : 0.0, spot.stands_for[0], spot.stands_for[1], spot.on_face}) {
             *to++ = value;
         }
     }

@@ -186,8 +186,8 @@ void register_scene(py::module_& module) {
     py::class_<Material>(module, "Material")
         .def(py::init(&make_material), py::kw_only(), py::arg("ambient"), py::arg("diffuse"), py::arg("specular"),
              py::arg("shininess"), py::arg("two_sided"));
-    py::class_<Clip>(module, "Clip").def(py::init(&make_clip), py::kw_only(), py::arg("planes"), py::arg("box"),
-                                   py::arg("facets"));
+    py::class_<Clip>(module, "Clip")
+        .def(py::init(&make_clip), py::kw_only(), py::arg("planes"), py::arg("box"), py::arg("facets"));
     py::class_<DepthCue>(module, "DepthCue")
         .def(py::init(&make_depth_cue), py::kw_only(), py::arg("start"), py::arg("end"), py::arg("color"),
              py::arg("strength"));

@@ -220,7 +220,7 @@ enum class Applies {
     X(Gradient, gradient, Gradient::sheets, always) \
     X(Clip, clip, {}, always) \
     X(std::optional<double>, gradient_opacity, {}, opacities)  /* g1: opacity times min(1, |grad rho| / g1) */ \
-    X(bool, cut_faces, false, opacities)  /* faces of clip and fields' ends have the normal of the cut */ \
+    X(bool, cut_faces, false, always)  /* faces of clip and fields' ends have the normal of the cut */ \
     X(std::optional<DepthCue>, depth_cue, {}, colors) \
     X(bool, shadows, false, colors)  /* of all lights */ \
     X(std::optional<AmbientOcclusion>, ambient_occlusion, {}, colors) \

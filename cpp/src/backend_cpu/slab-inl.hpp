@@ -237,7 +237,8 @@ struct Slab {
         // Behind a cut its face counts for a while.
         const double faces = shading.cut_faces ? 2.0 * face_lengths * shading.face_length : 0.0;
         for (const double ahead : {0.0, behind ? 1.0 : 0.0, -faces}) {
-            const double at_depth = shading.first_depth + (static_cast<double>(window.n) + ahead) * shading.slice_spacing;
+            const double at_depth =
+                shading.first_depth + (static_cast<double>(window.n) + ahead) * shading.slice_spacing;
             const double wide = shading.pixel * (shading.perspective ? at_depth : 1.0);
             const double over = (shape.x + window.rect.x0 + half_width - shading.axis_x) * wide;
             const double up = (shading.axis_y - (shape.y + window.rect.y0 + half_height)) * wide;

@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "interop.h"
+#include "scene/mode_rules.hpp"
 #include "shader_variants.hpp"
 #include "shading_uniforms.hpp"
-#include "scene/mode_rules.hpp"
 #include "view/cut_faces.hpp"
 #include "view/kept_slices.hpp"
 

@@ -41,7 +41,8 @@ ShownSpots::ShownSpots(const LitView& lit, const LightAtPoints& light)
     : lit_(lit), scene_(lit.scene), light_(light), screen_(lit.camera, lit.size),
       shader_(scene_, lit.camera, weakest_differences(scene_)),
       in_front_(lit.plan.depth_limit ? &*scene_.depth_limit : nullptr, lit.frame),
-      faces_(scene_, lit.plan, lit.camera, lit.frame), half_slab_(scene_.sampling == Sampling::slab ? 0.5 * lit.frame.slice_spacing : 0.0) {}
+      faces_(scene_, lit.plan, lit.camera, lit.frame),
+      half_slab_(scene_.sampling == Sampling::slab ? 0.5 * lit.frame.slice_spacing : 0.0) {}
 
 std::vector<LightSpot> ShownSpots::at(std::size_t number, int column, int row) const {
     const Frame& frame = lit_.frame;

@@ -39,7 +39,8 @@ CutFaces::CutFaces(const Scene& scene, const DrawPlan& plan, const Camera& camer
 
 CutFace CutFaces::at(std::size_t group, int column, int row) const {
     const double x = (column + 0.5 - axis_x_) * pixel_, y = (axis_y_ - row - 0.5) * pixel_;
-    const Vec3 start = perspective_ ? Vec3(0.0) : Vec3(x, y, 0.0), along = Vec3(x, y, 0.0) - start - Vec3(0.0, 0.0, 1.0);
+    const Vec3 start = perspective_ ? Vec3(0.0) : Vec3(x, y, 0.0),
+               along = Vec3(x, y, 0.0) - start - Vec3(0.0, 0.0, 1.0);
     CutFace last;
     for (const KeptHalfSpace& half : faces_[group]) {
         const double rises = glm::dot(half.normal, along);

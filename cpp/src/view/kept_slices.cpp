@@ -41,7 +41,8 @@ KeptSlices::KeptSlices(const Clip& clip, const DrawPlan& plan, const Camera& cam
 
 KeptSlices::KeptSlices(const Clip* clip, const DepthLimit* limit, const DrawPlan& plan, const Camera& camera,
                        const Frame& frame)
-    : axis_x_(frame.axis_x), axis_y_(frame.axis_y), pixel_(frame.pixel), least_(uses_intervals(plan.mode, plan.preintegration) ? -no_end : 0.0),
+    : axis_x_(frame.axis_x), axis_y_(frame.axis_y), pixel_(frame.pixel),
+      least_(uses_intervals(plan.mode, plan.preintegration) ? -no_end : 0.0),
       most_(uses_intervals(plan.mode, plan.preintegration) ? no_end : static_cast<double>(frame.slices - 1)),
       in_front_(limit, frame) {
     const double spacing = frame.slice_spacing;
@@ -53,7 +54,8 @@ KeptSlices::KeptSlices(const Clip* clip, const DepthLimit* limit, const DrawPlan
             planes_.push_back({{half.distance - depth * normal.z, depth * normal.x, depth * normal.y},
                                {-spacing * normal.z, spacing * normal.x, spacing * normal.y}});
         } else {
-            planes_.push_back({{half.distance - depth * normal.z, normal.x, normal.y}, {-spacing * normal.z, 0.0, 0.0}});
+            planes_.push_back(
+                {{half.distance - depth * normal.z, normal.x, normal.y}, {-spacing * normal.z, 0.0, 0.0}});
         }
     }
 }

@@ -10,10 +10,8 @@ from typing import Any, TypeGuard, Unpack
 import numpy as np
 
 from sheetsplat._checks import truth
-from sheetsplat.choose.asked import Asked
-from sheetsplat.choose.decisions import Decision
 from sheetsplat.choose.slices import spacing_of_data
-from sheetsplat.effects import AmbientOcclusion, Clip
+from sheetsplat.effects import AmbientOcclusion
 from sheetsplat.errors import complain, option_ref, option_refs
 from sheetsplat.fields import EllipsoidField, Field, RegularField, joined_bounds
 from sheetsplat.labels import LabelColors
@@ -48,7 +46,6 @@ _SAY_WHAT_IS_MEANT = ("transfer_function", "opacity", "clim", "iso_value", "scal
 # One light over the viewer's left shoulder; with the specular share it shows the shape of smooth surfaces.
 HEAD_LIGHT = Light(direction=(-0.3, 0.4, 1.0))
 SHINY = Material(ambient=0.3, diffuse=0.85, specular=0.3, shininess=24.0, two_sided=True)
-_OPENED = "inside of what a clip opens gradients may have any direction: normals of cuts show it flat"
 # Of volumes of colours: as opaque as they say.
 _IDENTITY = TransferFunction([(0.0, 0.0, 0.0, 0.0, 0.0), (1.0, 1.0, 1.0, 1.0, 1.0)])
 # Scalar modes do not use it, but a scene has one.
@@ -104,6 +101,8 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
     lit = (shading is None or truth("render: shading", shading)) and mode in COLORED
     if mode not in COLORED:
         _set_scalar_colors(given, options)
+    if lit and mode in COMPOSITE and not {"lights", "material"} & given.keys():
+        given.setdefault("cut_faces", "clip" in given or any(one.domain for one in fields))
     given.setdefault("lights", (HEAD_LIGHT,) if lit else ())
     given.setdefault("material", SHINY)
     if given.get("ambient_occlusion") is True:
@@ -121,16 +120,6 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
     if scene.options["shadows"] and mode in COLORED and not scene.lights:
         warn(option_ref("shadows", "true") + " changes nothing where there are no lights")
     return scene
-
-
-def cut_faces(scene: Scene, asked: Asked) -> tuple[Decision, ...]:
-    """Return the decision on the light of cut faces where a clip cuts a lit picture and nobody decided; else none."""
-    cut = scene.mode in COMPOSITE and scene.lights and scene.options["clip"] != Clip()
-    if not cut or "cut_faces" in asked:
-        return ()
-    given = [name for name in ("lights", "material") if name in asked]
-    reason = " and ".join(given) + (" were given" if given else _OPENED)
-    return (Decision("cut_faces", not given, reason, "data"),)
 
 
 def _coloring(options: Mapping[str, Any], groups: int) -> Any:

@@ -12,7 +12,7 @@ from sheetsplat.camera import Camera
 from sheetsplat.choose.asked import Asked
 from sheetsplat.choose.decisions import Decision, Decisions, applied, of_look, of_quality
 from sheetsplat.choose.kernels import with_kernel
-from sheetsplat.choose.look import compose_scene, cut_faces
+from sheetsplat.choose.look import compose_scene
 from sheetsplat.choose.pixels import kernel_filter, opacity_stop, samples_for_light, supersampling
 from sheetsplat.choose.slices import Size, error_of_light, slice_spacing, slices_more
 from sheetsplat.fields import Field, RegularField
@@ -75,14 +75,12 @@ def choose(
     of_camera = ("filter", "depth_cue") if is_auto(look.get("depth_cue")) else ("filter",)
     given: Any = {name: value for name, value in look.items() if name not in of_camera}
     scene = compose_scene([field for field, _ in with_kernels], spacing_is_free=asked.free, **given)
-    faces = cut_faces(scene, asked)
-    scene = applied(scene, faces)
     with _complaining_first(scene):
         camera = camera_of(applied(_measured(scene), [slice_spacing(_measured(scene), asked)]), size, options)
         if "depth_cue" in of_camera:
             scene = scene.sketch(depth_cue=fitting_depth_cue(scene, camera, cue_color))
         scene, set_ = at_quality(scene, asked, camera, size)
-    decided = _decided(scene, camera, asked, (*kernels, *faces, *set_))
+    decided = _decided(scene, camera, asked, (*kernels, *set_))
     for note in (*scene.notes, *([surface_text(scene)] if TRAITS[scene.mode].shows_surfaces else [])):
         _log.info("%s", note)
     return decided

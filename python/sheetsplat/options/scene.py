@@ -356,7 +356,7 @@ class EffectOptions(TypedDict, total=False):
             "Where {clip}, or the end of a volume, cuts open what is opaque, light it by the normal of the cut. Inside "
             "nearly homogeneous matter the gradient, which gives normals elsewhere, has no direction.",
             unset="off",
-            chosen="on where {clip} is given and the picture has the light that is chosen for it, else off",
+            chosen="on where {clip} or the end of a volume cuts, unless {lights} or {material} are given",
             modes=COMPOSITE,
             effect="cut_faces",
             check=_cut_faces,

@@ -172,6 +172,9 @@ void main() {
 #define SEEN(color, slab) seen(color, slab)
 #endif
 
+#ifdef CUT_FACES
+    vec4 entry = texelFetch(face_texture, ivec3(at, 0), 0);
+#endif
 #ifdef MODE_ISOSURFACE
     for (int c = INTERVAL; c < INTERVAL + SLICES; ++c) {
         bool crossed = result.a == 0.0 && (rho[c] < iso_value) != (rho[c + 1] < iso_value);
@@ -269,6 +272,9 @@ void main() {
         float middle = float(c) + 0.5;
 #else
         float middle = float(c);
+#endif
+#ifdef CUT_FACES
+        face = face_of(entry, float(first_slab - runs.x) + middle, absorption(min(alpha, 1.0 - clearest)), result.a);
 #endif
         vec3 color = SEEN(classified.rgb, middle);
         float share = (1.0 - result.a) * alpha;

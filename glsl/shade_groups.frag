@@ -147,6 +147,9 @@ void main() {
 #endif
 #ifdef CUT
     bool kept[ALL_GROUPS * SLABS];
+#ifdef CUT_FACES
+    int first_kept[ALL_GROUPS];
+#endif
     for (int g = 0; g < ALL_GROUPS; ++g) {
 #ifdef ENDS
         ivec2 inside = texelFetch(end_texture, ivec3(at, g), 0).rg;
@@ -161,6 +164,13 @@ void main() {
 #endif
             kept[g * SLABS + c] = !cut;
         }
+#if defined(CUT_FACES) && defined(CLIP) && defined(ENDS)
+        first_kept[g] = max(runs.x, inside.x);
+#elif defined(CUT_FACES) && defined(CLIP)
+        first_kept[g] = runs.x;
+#elif defined(CUT_FACES)
+        first_kept[g] = inside.x;
+#endif
     }
 #endif
 
@@ -353,6 +363,9 @@ void main() {
             if (!reached || tau == 0.0) {
                 continue;
             }
+#ifdef CUT_FACES
+            face = face_of(texelFetch(face_texture, ivec3(at, g), 0), float(first_slab - first_kept[g]) + middle, tau * exponent * slant, result.a);
+#endif
 #ifdef DOUBT
             largest_error = max(largest_error, normal_error(normal_gradient, gradient_error(middle)));
 #endif

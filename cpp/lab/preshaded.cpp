@@ -108,8 +108,8 @@ void adjust_for_preshaded(DrawPlan& plan, const Scene& scene) {
         drawable = drawable && regular != nullptr && regular->lattice() == Lattice::cartesian;
     }
     const bool beyond_papers = plan.coverage || plan.depth || plan.preintegration || plan.clip || plan.filter ||
-                               plan.gradient_opacity || plan.depth_cue || plan.analytic_gradient || plan.shadows ||
-                               plan.ambient_occlusion;
+                               plan.gradient_opacity || plan.cut_faces || plan.depth_cue || plan.analytic_gradient ||
+                               plan.shadows || plan.ambient_occlusion;
     if (!drawable || beyond_papers) {
         throw Unsupported(Complaint{"comparator preshaded cannot draw the scene",
                                     "something else than Cartesian volumes as the papers draw them",

@@ -15,6 +15,9 @@ float gradient_error(float slab) {
 // ... and the error of a normal: at most 1e15, so that squares and their sums stay within float32. 0 where the gradient has no direction.
 float normal_error(vec3 gradient, float error) {
     float size = max(length(gradient), weakest_gradient);
+#ifdef CUT_FACES
+    error *= 1.0 - face.a;
+#endif
     return size > 1e-30 ? min(error * min(1.0 / size, 1e15), 1e15) : 0.0;
 }
 

@@ -29,6 +29,7 @@
 #define UNIT_LIGHT_VOLUMES 23
 #define UNIT_ENDS 24
 #define UNIT_IMAGE_DOUBT 25
+#define UNIT_FACES 26
 #define UNIT_RECORDS 0
 // Ellipsoids as [NM06] draws them: in passes of their own.
 #define UNIT_KERNEL_ORDER 0

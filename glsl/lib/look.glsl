@@ -6,6 +6,9 @@
 #endif
 #ifdef GRADIENT
 #include "lib/phong.glsl"
+#ifdef CUT_FACES
+#include "lib/faces.glsl"
+#endif
 #ifdef GROUPS
 uniform float weakest_gradients[GROUPS];
 #define weakest_gradient weakest_gradients[group]

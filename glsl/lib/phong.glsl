@@ -4,6 +4,9 @@
 uniform vec3 light_direction[LIGHTS]; // eye space, unit length, towards the light
 uniform vec3 light_color[LIGHTS];
 #endif
+#ifdef CUT_FACES
+vec4 face = vec4(0.0);          // of the point that is shaded: the normal of a cut times what it counts, and that
+#endif
 uniform vec4 material; // ambient, diffuse, specular, shininess
 
 #ifdef SPECULAR
@@ -25,6 +28,9 @@ vec3 shade(vec3 color, vec3 gradient, float weakest, vec3 view) {
 #else
     float size = length(gradient);
     vec3 normal = size > 0.0 ? -gradient / max(size, weakest) : vec3(0.0);
+#ifdef CUT_FACES
+    normal = normal * (1.0 - face.a) + face.rgb;
+#endif
     vec3 result = color * material.x;
 #ifdef OCCLUSION
     result *= ambient_left(spot);

@@ -102,7 +102,7 @@ class Watch {
 using Grid = py::array_t<float, py::array::c_style | py::array::forcecast>;
 using Numbers = py::array_t<double, py::array::c_style | py::array::forcecast>;
 /// Columns of a table of LightSpot, in the order of its members.
-constexpr std::size_t spot_columns = 14;
+constexpr std::size_t spot_columns = 15;
 
 Numbers table_of(const std::vector<LightSpot>& spots) {
     Numbers rows({spots.size(), spot_columns});
@@ -111,7 +111,7 @@ Numbers table_of(const std::vector<LightSpot>& spots) {
         for (const double value : {static_cast<double>(spot.number), static_cast<double>(spot.slice), spot.behind,
                                    static_cast<double>(spot.group), spot.color.x, spot.color.y, spot.color.z,
                                    spot.share, spot.chances[0], spot.chances[1], static_cast<double>(spot.part),
-                                   spot.occlusion ? 1.0 : 0.0, spot.stands_for[0], spot.stands_for[1]}) {
+                                   spot.occlusion ? 1.0 : 0.0, spot.stands_for[0], spot.stands_for[1], spot.on_face}) {
             *to++ = value;
         }
     }
@@ -134,7 +134,8 @@ std::vector<LightSpot> spots_of(const Numbers& rows) {
                 {from[8], from[9]},
                 static_cast<std::size_t>(from[10]),
                 from[11] != 0.0,
-                {from[12], from[13]}};
+                {from[12], from[13]},
+                from[14]};
         from += spot_columns;
     }
     return spots;

@@ -38,11 +38,17 @@ Material make_material(double ambient, double diffuse, double specular, double s
     return {ambient, diffuse, specular, shininess, two_sided};
 }
 
-Clip make_clip(const std::vector<std::pair<Triple, double>>& planes,
-               const std::optional<std::pair<Triple, Triple>>& box) {
+using Planes = std::vector<std::pair<Triple, double>>;
+
+/// facets: planes around a sphere and its middle.
+Clip make_clip(const Planes& planes, const std::optional<std::pair<Triple, Triple>>& box,
+               const std::optional<std::pair<Planes, Triple>>& facets) {
     Clip clip;
     for (const auto& [normal, offset] : planes) {
-        clip.planes.push_back({to_vec3(normal), offset});
+        clip.planes.push_back({to_vec3(normal), offset, {}});
+    }
+    for (const auto& [normal, offset] : facets ? facets->first : Planes{}) {
+        clip.planes.push_back({to_vec3(normal), offset, to_vec3(facets->second)});
     }
     if (box) {
         clip.box = Box{to_vec3(box->first), to_vec3(box->second)};
@@ -180,7 +186,8 @@ void register_scene(py::module_& module) {
     py::class_<Material>(module, "Material")
         .def(py::init(&make_material), py::kw_only(), py::arg("ambient"), py::arg("diffuse"), py::arg("specular"),
              py::arg("shininess"), py::arg("two_sided"));
-    py::class_<Clip>(module, "Clip").def(py::init(&make_clip), py::kw_only(), py::arg("planes"), py::arg("box"));
+    py::class_<Clip>(module, "Clip")
+        .def(py::init(&make_clip), py::kw_only(), py::arg("planes"), py::arg("box"), py::arg("facets"));
     py::class_<DepthCue>(module, "DepthCue")
         .def(py::init(&make_depth_cue), py::kw_only(), py::arg("start"), py::arg("end"), py::arg("color"),
              py::arg("strength"));

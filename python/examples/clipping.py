@@ -1,7 +1,7 @@
 """Cut open by planes and boxes.
 
-Clipping keeps what lies inside a box and on one side of planes. Light at a cut follows the field, which continues
-behind it, so that layers are shaded as if they had been opened.
+Clipping keeps what lies inside a box and on one side of planes. With `cut_faces` the opened layers are lit as the
+flat face that they are, in place of the gradients inside them.
 """
 
 import numpy as np
@@ -24,6 +24,8 @@ image = ss.render(
     opacity=[(0, 0), (300, 0), (400, 0.9), (6000, 0.9)],
     # What lies behind the plane x + y = 0.1, seen from the front.
     clip=ss.Clip(planes=[((-1, -1, 0), -0.1)]),
+    # By itself where nobody gives light or material.
+    cut_faces=True,
     material=ss.Material(ambient=0.75, diffuse=0.35, two_sided=True),
     azimuth=15,
     elevation=25,

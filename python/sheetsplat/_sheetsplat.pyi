@@ -144,7 +144,13 @@ class Material:
     ) -> None: ...
 
 class Clip:
-    def __init__(self, *, planes: Sequence[tuple[_Triple, float]], box: _Corners | None) -> None: ...
+    def __init__(
+        self,
+        *,
+        planes: Sequence[tuple[_Triple, float]],
+        box: _Corners | None,
+        facets: tuple[Sequence[tuple[_Triple, float]], _Triple] | None,
+    ) -> None: ...
 
 class DepthCue:
     def __init__(self, *, start: float, end: float, color: _Triple, strength: float) -> None: ...

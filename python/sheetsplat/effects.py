@@ -132,8 +132,8 @@ class Clip(OfArguments):
     def __post_init__(self) -> None:
         """Check and convert."""
         convert(self, planes=_planes, box=_box, sphere=_sphere)
-        planes: Any = (*self.planes, *(() if self.sphere is None else _facets(*self.sphere)))
-        native = _sheetsplat.Clip(planes=planes, box=self.box)  # type: ignore[arg-type]
+        facets = None if self.sphere is None else (_facets(*self.sphere), self.sphere[0])
+        native = _sheetsplat.Clip(planes=self.planes, box=self.box, facets=facets)  # type: ignore[arg-type]
         object.__setattr__(self, "native", native)
 
     def keeps(self, points: ArrayLike) -> NDArray[np.bool_]:

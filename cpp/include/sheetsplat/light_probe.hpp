@@ -38,6 +38,7 @@ struct LightSpot {
     bool occlusion = false;          ///< it is looked at for occlusion
     /// What it stands for in its pixel, twice, independently of each other.
     std::array<double, 2> stands_for{};
+    double on_face = 0.0; ///< what the normal of a cut counts beside its own
 };
 
 /// Of the spots of a part those of pixels with few; of others `most` at equal steps of what they add, which add as

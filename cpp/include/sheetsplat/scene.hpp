@@ -44,6 +44,8 @@ struct Clip {
     struct Plane {
         Vec3 normal{0.0, 0.0, 1.0};
         double offset = 0.0;
+        /// Of a face of a polyhedron that stands for a sphere: its middle. Cut faces are round there.
+        std::optional<Vec3> center{};
     };
     std::vector<Plane> planes{};
     std::optional<Parallelepiped> box{};
@@ -218,6 +220,7 @@ enum class Applies {
     X(Gradient, gradient, Gradient::sheets, always) \
     X(Clip, clip, {}, always) \
     X(std::optional<double>, gradient_opacity, {}, opacities)  /* g1: opacity times min(1, |grad rho| / g1) */ \
+    X(bool, cut_faces, false, always)  /* faces of clip and fields' ends have the normal of the cut */ \
     X(std::optional<DepthCue>, depth_cue, {}, colors) \
     X(bool, shadows, false, colors)  /* of all lights */ \
     X(std::optional<AmbientOcclusion>, ambient_occlusion, {}, colors) \

@@ -12,6 +12,7 @@
 #include <string>
 #include <type_traits>
 
+#include "backend_cpu/face_planes.hpp"
 #include "backend_cpu/lattice_extremes.hpp"
 #include "backend_cpu/loop_setup.hpp"
 #include "backend_cpu/shading.hpp"
@@ -97,7 +98,8 @@ void clear_picture(const Job& job, const LoopSetup<T>& setup, const TileShape& s
     const bool scalar = is_scalar(plan.mode);
     const std::size_t elements = shape.picture_elements();
     const bool counts = traits_of(plan.mode).mean;
-    const std::size_t planes = (scalar ? 1U : 4U) + (counts ? 1U : 0U) + (plan.depth ? 1U : 0U) +
+    const std::size_t faces = plan.cut_faces ? setup.shading->groups.size() : 0;
+    const std::size_t planes = face_planes * faces + (scalar ? 1U : 4U) + (counts ? 1U : 0U) + (plan.depth ? 1U : 0U) +
                                (plan.coverage ? 1U : 0U) + (plan.depth_limit ? 1U : 0U) + (plan.owned ? 2U : 0U);
     scratch.picture.assign(planes * elements, T(0));
     T* next = scratch.picture.data();
@@ -126,6 +128,10 @@ void clear_picture(const Job& job, const LoopSetup<T>& setup, const TileShape& s
     picture.last_owned = last_owned;
     if (plan.owned) {
         set_owned(job, shape, first_owned, last_owned);
+    }
+    picture.faces.clear();
+    if (faces > 0) {
+        set_faces(job, shape, next, picture);
     }
     const auto fill_infinite = [elements](T* plane) {
         std::fill(plane, plane + elements, std::numeric_limits<T>::infinity());

@@ -20,6 +20,8 @@
 #include "recolor-inl.hpp"
 #include "slab-inl.hpp"
 #include "surface_light-inl.hpp"
+#include "transfer-inl.hpp"
+#include "view/cut_faces.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
@@ -77,6 +79,50 @@ HWY_NOINLINE void fade(const Slab<T>& slab, EffectRow<T>& row, const GradientSca
     const auto full = hn::Set(d, scale.full);
     row.for_each(row.seen, [&](int, int number, auto) {
         hn::Store(hn::Div(hn::Min(length(d, row.against(d, number)), full), full), d, row.faded + number);
+    });
+}
+
+/// Mixes normals with those of the cuts through which rays came: gradients become shorter than g0, which keeps them as
+/// they are. Of several groups alpha holds absorptions. Conventions, section 10.
+template <class T>
+HWY_NOINLINE void turn_to_faces(const Slab<T>& slab, EffectRow<T>& row, const GradientScale<T>& scale) {
+    using V = typename Slab<T>::V;
+    const typename Slab<T>::D d;
+    const Shading<T>& shading = slab.shading;
+    const bool mixed = shading.several_shown;
+    const FacePlanes<T>& faces = slab.picture.faces[static_cast<std::size_t>(&slab.group - shading.groups.data())];
+    const auto all = [&](double value) { return hn::Set(d, static_cast<T>(value)); };
+    const V zero = hn::Zero(d), one = all(1.0), two = all(2.0), least = all(0x1p-24), weakest = all(scale.weakest);
+    const V slice = all(static_cast<double>(slab.window.n));
+    const V length_of = all(shading.face_length), per_length = all(1.0 / shading.face_length);
+    const auto ramp = [&](V from_two) { return hn::Min(hn::Max(from_two, zero), one); };
+    const auto absorbed_by = [&](V alpha) { return absorption(d, hn::Min(alpha, hn::Sub(one, least))); };
+    row.for_each(row.alpha, [&](int x, int number, auto visible) {
+        const std::ptrdiff_t at = slab.in_plane(row.y) + x;
+        const V whole = hn::Sub(slice, hn::LoadU(d, faces.slice + at));
+        const V rest = hn::Sub(hn::Load(d, row.share + number), hn::LoadU(d, faces.behind + at));
+        const V behind = hn::Mul(hn::Add(whole, rest), per_length);
+        const V near = ramp(hn::NegMulAdd(behind, all(1.0 / face_lengths), two));
+        if (hn::AllFalse(d, hn::Gt(near, zero))) {
+            return;
+        }
+        const V alpha = hn::Load(d, row.alpha + number);
+        const V absorbed = hn::Mul(mixed ? alpha : absorbed_by(alpha), length_of);
+        const V thickness = hn::Min(hn::IfThenElse(visible, absorbed, one), all(thickest_face));
+        const V through = hn::Div(absorbed_by(hn::LoadU(d, slab.picture.alpha + at)), thickness);
+        const V inside = ramp(hn::Sub(two, hn::Sub(behind, through)));
+        const V opaque = opacity_of_absorption(d, hn::Mul(all(face_lengths), thickness));
+        const V on_face = hn::Mul(hn::Mul(near, inside), opaque);
+        const auto against = row.against(d, number);
+        const V left = hn::Div(hn::Mul(hn::Sub(one, on_face), weakest), hn::Max(length(d, against), weakest));
+        const V face = hn::Mul(on_face, weakest);
+        const auto turn = [&](V own, const T* normal, T* to) {
+            hn::Store(hn::MulAdd(face, hn::LoadU(d, normal + at), hn::Mul(left, own)), d, to + number);
+        };
+        turn(against.x, faces.normal[0], row.against_x);
+        turn(against.y, faces.normal[1], row.against_y);
+        turn(against.z, faces.normal[2], row.against_z);
+        hn::Store(hn::Mul(left, hn::Load(d, row.doubt + number)), d, row.doubt + number);
     });
 }
 
@@ -199,6 +245,9 @@ HWY_INLINE void find_gradients_of(const Slab<T>& slab, EffectRow<T>& row, const 
 template <bool perspective, class T>
 HWY_INLINE void shade_colors(const Slab<T>& slab, EffectRow<T>& row, const GradientScale<T>& scale) {
     const Shading<T>& shading = slab.shading;
+    if (shading.cut_faces) {
+        turn_to_faces(slab, row, scale);
+    }
     if (shading.shadows || shading.occlusion) {
         light_dimmed<perspective>(slab, row, scale);
     } else if (shading.lit) {

@@ -42,10 +42,9 @@ struct GradientScale {
         across[0] = static_cast<T>(scale[0] * unit);
         across[1] = static_cast<T>(scale[1] * unit);
         along = static_cast<T>(shading.gradient_along * unit);
-        const auto positive = [&](double gradient) {
-            return static_cast<T>(
-                std::clamp(gradient * unit, static_cast<double>(std::numeric_limits<T>::min()), 1e30));
-        };
+        // Shares of it stand for normals of cuts.
+        const double least = shading.cut_faces ? 1e-30 : static_cast<double>(std::numeric_limits<T>::min());
+        const auto positive = [&](double gradient) { return static_cast<T>(std::clamp(gradient * unit, least, 1e30)); };
         weakest = positive(group.weakest_gradient);
         full = positive(group.full_gradient);
     }

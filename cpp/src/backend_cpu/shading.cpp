@@ -4,7 +4,6 @@
 #include <iterator>
 #include <utility>
 
-#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
 #include "backend_cpu/number.hpp"
@@ -83,25 +82,6 @@ void add_lights(const ShadingInputs& inputs, const DrawPlan& plan, Shading<T>& s
     shading.two_sided = plan.two_sided;
 }
 
-/// A point on a plane is kept however its coordinates are rounded: in slice distances (conventions, section 10).
-constexpr double on_a_plane = 1e-6;
-
-std::vector<KeptHalfSpace> kept_of(const Clip& clip, const Camera& camera, double slice_spacing) {
-    std::vector<KeptHalfSpace> kept;
-    for (const Clip::Plane& plane : clip.half_spaces()) {
-        // Scaled first: the length of a normal may be beyond float64's squares.
-        const Vec3 size = glm::abs(plane.normal);
-        const double largest = std::max({size.x, size.y, size.z});
-        const Vec3 scaled = plane.normal / largest;
-        const double length = glm::length(scaled);
-        const Vec3 normal = scaled / length;
-        kept.push_back({Vec3(glm::dot(normal, camera.right_world()), glm::dot(normal, camera.up_world()),
-                             glm::dot(normal, camera.back_world())),
-                        glm::dot(normal, camera.eye()) - plane.offset / largest / length + on_a_plane * slice_spacing});
-    }
-    return kept;
-}
-
 VolumeLookup lookup_of(const LightVolume& volume, const Camera& camera, const Frame& frame) {
     VolumeLookup lookup;
     lookup.volume = &volume;
@@ -153,16 +133,18 @@ void add_effects(const Scene& scene, const Camera& camera, const Frame& frame, c
     if (scene.counted) {
         for (std::size_t n = 0; n < scene.counted->ends.size(); ++n) {
             const Clip end{{}, scene.counted->ends[n]};
-            shading.groups[n].kept = kept_of(end, camera, frame.slice_spacing);
+            shading.groups[n].kept = half_spaces_in_eye(end, camera, frame.slice_spacing);
             shading.cuts = shading.cuts || !end.empty();
         }
     }
     if (plan.clip) {
-        shading.kept = kept_of(scene.clip, camera, frame.slice_spacing);
+        shading.kept = half_spaces_in_eye(scene.clip, camera, frame.slice_spacing);
     }
     shading.second_order = plan.second_order && plan.preintegration;
     shading.analytic_gradient = plan.analytic_gradient && plan.gradient;
     shading.gradient_opacity = plan.gradient_opacity;
+    shading.cut_faces = plan.cut_faces;
+    shading.face_length = inputs.face_length;
     shading.depth_cue = plan.depth_cue;
     shading.inputs = inputs;
     const bool by_surfaces = volumes != nullptr && !volumes->groups.empty();

@@ -19,6 +19,7 @@
 #include "reach-inl.hpp"
 #include "scene/mode_rules.hpp"
 #include "transfer-inl.hpp"
+#include "view/cut_faces.hpp"
 
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
@@ -227,7 +228,8 @@ struct Slab {
         return {static_cast<int>(first), static_cast<int>(past)};
     }
 
-    /// Whether anything may take points of the rectangle away, on slice n or, `behind`, on slice n + 1.
+    /// Whether anything may take points of the rectangle away, on slice n or, `behind`, on slice n + 1, or turn normals
+    /// of what is left.
     [[nodiscard]] bool cut(bool behind) const {
         if (picture.last_kept != nullptr || picture.first_owned != nullptr ||
             std::any_of(shading.groups.begin(), shading.groups.end(),
@@ -236,8 +238,11 @@ struct Slab {
         }
         const double half_width = 0.5 * (window.rect.x1 - 1 - window.rect.x0);
         const double half_height = 0.5 * (window.rect.y1 - 1 - window.rect.y0);
-        for (int ahead = 0; ahead <= (behind ? 1 : 0); ++ahead) {
-            const double at_depth = shading.first_depth + static_cast<double>(window.n + ahead) * shading.slice_spacing;
+        // Behind a cut its face counts for a while.
+        const double faces = shading.cut_faces ? 2.0 * face_lengths * shading.face_length : 0.0;
+        for (const double ahead : {0.0, behind ? 1.0 : 0.0, -faces}) {
+            const double at_depth =
+                shading.first_depth + (static_cast<double>(window.n) + ahead) * shading.slice_spacing;
             const double wide = shading.pixel * (shading.perspective ? at_depth : 1.0);
             const double over = (shape.x + window.rect.x0 + half_width - shading.axis_x) * wide;
             const double up = (shading.axis_y - (shape.y + window.rect.y0 + half_height)) * wide;

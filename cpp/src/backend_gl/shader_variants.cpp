@@ -222,7 +222,7 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
     if (!wide) {
         defines["PHASE"] = std::to_string(phase);
     }
-    const std::array<std::pair<const char*, bool>, 36> switches{{
+    const std::array<std::pair<const char*, bool>, 37> switches{{
         {"CLASSIFY", is_composited(plan.mode)},
         {"MODE_ISOSURFACE", shows_surfaces(plan.mode)},
         {"MODE_XRAY", traits_of(plan.mode).integrates},
@@ -252,6 +252,7 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
         {"SERVING", parts.serving && parts.groups > 1},
         {"OPEN_FRONT", plan.open_front},
         {"GRADIENT_OPACITY", plan.gradient_opacity},
+        {"CUT_FACES", plan.cut_faces},
         {"DEPTH_CUE", plan.depth_cue},
         {"SHADOWS", plan.shadows},
         {"OCCLUSION", plan.ambient_occlusion},

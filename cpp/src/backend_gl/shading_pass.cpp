@@ -1,23 +1,26 @@
 #include "shading_pass.hpp"
 
+#include <algorithm>
 #include <optional>
 #include <vector>
 
 #include "interop.h"
+#include "scene/mode_rules.hpp"
 #include "shader_variants.hpp"
 #include "shading_uniforms.hpp"
+#include "view/cut_faces.hpp"
 #include "view/kept_slices.hpp"
 
 namespace sheetsplat::backend_gl {
 
 namespace {
 
-/// of(column, row) of each pixel of the tile's targets, row by row.
-template <class Of>
-void add_runs(const Tile& tile, std::vector<SliceRun>& to, const Of& of) {
+/// visit(column, row) of each pixel of the tile's targets, row by row.
+template <class Visit>
+void for_each_pixel(const Tile& tile, const Visit& visit) {
     for (int y = 0; y < tile.target_height(); ++y) {
         for (int x = 0; x < tile.target_width(); ++x) {
-            of(tile.x + x - Tile::border, tile.y + y - Tile::border, to);
+            visit(tile.x + x - Tile::border, tile.y + y - Tile::border);
         }
     }
 }
@@ -31,9 +34,9 @@ gl::Texture make_kept(const TileScope& scope) {
         owned.emplace(*scope.job.scene->part, *scope.job.camera, scope.frame);
     }
     std::vector<SliceRun> runs;
-    add_runs(scope.tile, runs, [&](int column, int row, std::vector<SliceRun>& to) {
-        to.push_back(kept.at(column, row));
-        to.push_back(owned ? owned->at(column, row) : SliceRun{});
+    for_each_pixel(scope.tile, [&](int column, int row) {
+        runs.push_back(kept.at(column, row));
+        runs.push_back(owned ? owned->at(column, row) : SliceRun{});
     });
     gl::Texture texture(scope.gl, GL_RGBA32I, scope.tile.target_width(), scope.tile.target_height());
     texture.upload(GL_RGBA_INTEGER, GL_INT, runs.data());
@@ -46,12 +49,38 @@ gl::Texture make_ends(const TileScope& scope) {
     const std::vector<std::optional<Parallelepiped>>& ends = scope.job.scene->counted->ends;
     for (const std::optional<Parallelepiped>& end : ends) {
         const KeptSlices inside(Clip{{}, end}, scope.plan, *scope.job.camera, scope.frame);
-        add_runs(scope.tile, runs,
-                 [&](int column, int row, std::vector<SliceRun>& to) { to.push_back(inside.at(column, row)); });
+        for_each_pixel(scope.tile, [&](int column, int row) { runs.push_back(inside.at(column, row)); });
     }
     gl::Texture texture(scope.gl, GL_RG32I, scope.tile.target_width(), scope.tile.target_height(),
                         static_cast<int>(ends.size()));
     texture.upload(GL_RG_INTEGER, GL_INT, runs.data());
+    return texture;
+}
+
+/// Faces of cuts, as lib/faces.glsl has them.
+gl::Texture make_faces(const TileScope& scope) {
+    const Scene& scene = *scope.job.scene;
+    const CutFaces faces(scene, scope.plan, *scope.job.camera, scope.frame);
+    const KeptSlices kept(scene, scope.plan, *scope.job.camera, scope.frame);
+    const std::size_t groups = groups_drawn(scene).size();
+    std::vector<float> texels;
+    for (std::size_t group = 0; group < groups; ++group) {
+        const bool ends = scene.counted && !scene.counted->ends.empty();
+        const KeptSlices inside(Clip{{}, ends ? scene.counted->ends[group] : std::nullopt}, scope.plan,
+                                *scope.job.camera, scope.frame);
+        for_each_pixel(scope.tile, [&](int column, int row) {
+            const CutFace face = faces.at(group, column, row);
+            const int first = std::max(kept.at(column, row).first, inside.at(column, row).first);
+            // (Any number of slices that no length reaches stands for infinity.)
+            const double before = std::min(static_cast<double>(first) - face.slice, 1e30);
+            for (const double number : {face.normal.x, face.normal.y, face.normal.z, before}) {
+                texels.push_back(static_cast<float>(number));
+            }
+        });
+    }
+    gl::Texture texture(scope.gl, GL_RGBA32F, scope.tile.target_width(), scope.tile.target_height(),
+                        static_cast<int>(groups));
+    texture.upload(GL_RGBA, GL_FLOAT, texels.data());
     return texture;
 }
 
@@ -69,6 +98,9 @@ ShadingPass::ShadingPass(const TileScope& scope, const Classification* classific
     }
     if (shaded_parts(*scope.job.scene).ends) {
         ends_ = make_ends(scope);
+    }
+    if (scope.plan.cut_faces) {
+        faces_ = make_faces(scope);
     }
 }
 
@@ -94,6 +126,9 @@ void ShadingPass::shade(const TouchedPixels& touched, std::int64_t pass) const {
     }
     if (parts.ends) {
         program.bind("end_texture", ends_, UNIT_ENDS);
+    }
+    if (plan.cut_faces) {
+        program.bind("face_texture", faces_, UNIT_FACES);
     }
     set_shading(program, scope_, inputs_, classification_, pass);
     if (plan.read_image) {

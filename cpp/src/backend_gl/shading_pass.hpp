@@ -19,8 +19,9 @@ class ShadingPass {
     const TileScope& scope_;
     const Classification* classification_;
     const ShadingInputs inputs_;
-    gl::Texture ends_; ///< where fields of groups end in different places: of each pixel and group a run as below
-    gl::Texture kept_; ///< where anything is cut off: of each pixel the first slice that it keeps, and the last one
+    gl::Texture ends_;  ///< where fields of groups end in different places: of each pixel and group a run as below
+    gl::Texture faces_; ///< of cuts: of each pixel and group a normal and a place
+    gl::Texture kept_;  ///< where anything is cut off: of each pixel the first slice that it keeps, and the last one
 };
 
 } // namespace sheetsplat::backend_gl

@@ -128,6 +128,9 @@ void set_shading(const gl::Program& program, const TileScope& scope, const Shadi
             program.set("occlusion", f(inputs.occlusion_strength));
         }
     }
+    if (plan.cut_faces) {
+        program.set("face_length", f(inputs.face_length));
+    }
     if (plan.depth_cue) {
         set_depth_cue(program, inputs, scope.frame, first_slab);
     }

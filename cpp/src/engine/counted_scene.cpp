@@ -52,6 +52,15 @@ TransferFunction counted_from(const TransferFunction& function, double base) {
     return TransferFunction(std::move(points));
 }
 
+/// Cuts at the faces of a domain too, which come last.
+void end_at(const std::optional<Parallelepiped>& domain, Clip& clip) {
+    const Clip end{{}, domain};
+    clip = {clip.half_spaces(), {}};
+    for (const Clip::Plane& face : end.half_spaces()) {
+        clip.planes.push_back(face);
+    }
+}
+
 /// The largest distance, in world units, that a point which shows may lie from kernels that matter to it.
 double reach_of(const Scene& scene, const Field& field, const Camera& camera, Size size) {
     const Box box = field.supports_world();
@@ -215,11 +224,7 @@ Scene CountedFields::counted(const Scene& scene, const Camera& camera, Size size
     if (scene.part) {
         counted.mirrored = scene.part->domain.has_value();
         counted.filled = scene.part->filled;
-        if (scene.part->domain) {
-            for (const Clip::Plane& plane : Clip{{}, scene.part->domain}.half_spaces()) {
-                drawn.clip.planes.push_back(plane);
-            }
-        }
+        end_at(scene.part->domain, drawn.clip);
     } else if (any) {
         counted.reason = why_shown(drawn, camera, size, outputs);
         counted.mirrored = !counted.reason.empty();
@@ -243,9 +248,7 @@ Scene CountedFields::counted(const Scene& scene, const Camera& camera, Size size
         if (differ) {
             counted.ends = std::move(ends);
         } else {
-            for (const Clip::Plane& plane : Clip{{}, ends.front()}.half_spaces()) {
-                drawn.clip.planes.push_back(plane);
-            }
+            end_at(ends.front(), drawn.clip);
         }
     }
     // An x-ray sums what counts: a base, and the quotients beside missing samples, are not there everywhere.

@@ -18,7 +18,7 @@ DrawPlan through(const DrawPlan& plan, const Scene& scene) {
     made.projection = Projection::orthographic;
     made.preintegration = made.second_order = false;
     made.gradient = made.lit = made.analytic_gradient = made.gradient_opacity = false;
-    made.specular = made.two_sided = made.depth_cue = made.shadows = made.ambient_occlusion = false;
+    made.specular = made.two_sided = made.cut_faces = made.depth_cue = made.shadows = made.ambient_occlusion = false;
     made.stop = made.coverage = made.depth = false;
     made.depth_limit = false; // It belongs to the picture's rays.
     const std::vector<Group> groups = scene.groups();

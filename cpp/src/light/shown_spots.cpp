@@ -41,6 +41,7 @@ ShownSpots::ShownSpots(const LitView& lit, const LightAtPoints& light)
     : lit_(lit), scene_(lit.scene), light_(light), screen_(lit.camera, lit.size),
       shader_(scene_, lit.camera, weakest_differences(scene_)),
       in_front_(lit.plan.depth_limit ? &*scene_.depth_limit : nullptr, lit.frame),
+      faces_(scene_, lit.plan, lit.camera, lit.frame),
       half_slab_(scene_.sampling == Sampling::slab ? 0.5 * lit.frame.slice_spacing : 0.0) {}
 
 std::vector<LightSpot> ShownSpots::at(std::size_t number, int column, int row) const {
@@ -93,7 +94,8 @@ Vec3 ShownSpots::place_of(int column, int row, const LightSpot& spot) const {
 
 std::vector<Vec3> ShownSpots::most_of_lights(int column, int row, const LightSpot& spot, double least) const {
     const double left = cued(spot);
-    const Vec3 outward = shader_.normal(gradient(column, row, spot), spot.group);
+    const Vec3 outward = (1.0 - spot.on_face) * shader_.normal(gradient(column, row, spot), spot.group) +
+                         spot.on_face * faces_.at(spot.group, column, row).normal;
     const Vec3 to_viewer = screen_.to_viewer(column, row);
     std::vector<Vec3> most;
     for (std::size_t number = 0; number < scene_.lights.size(); ++number) {
@@ -246,6 +248,11 @@ void ShownSpots::add_slice(const Ray& ray, std::int64_t n, const At& values, dou
         }
         spot.share = weight;
         if (own > 0.0) {
+            if (lit_.plan.cut_faces) {
+                const double length = std::max(1.0, lit_.frame.reference_length / lit_.frame.slice_spacing);
+                spot.on_face = faces_.at(group, ray.column, ray.row)
+                                   .share(static_cast<double>(n) + spot.behind, own, alpha, length);
+            }
             extinction += own;
             weights += weight;
             spots.push_back(spot);

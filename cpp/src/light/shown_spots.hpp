@@ -11,6 +11,7 @@
 #include "reference/screen.hpp"
 #include "reference/shade.hpp"
 #include "sheetsplat/light_probe.hpp"
+#include "view/cut_faces.hpp"
 #include "view/kept_slices.hpp"
 
 namespace sheetsplat {
@@ -78,6 +79,7 @@ class ShownSpots {
     reference::Screen screen_;
     reference::Shader shader_;
     SlicesInFront in_front_;
+    CutFaces faces_;
     double half_slab_; ///< 0: sheets show rho at points
 };
 

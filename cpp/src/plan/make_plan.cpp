@@ -247,6 +247,17 @@ void plan_light(const Scene& scene, const ViewFacts& view, const SceneShows& sho
                                           : material.two_sided ? "asked for by the material"
                                                                : "the material is one-sided") &&
                      plan.gradient;
+    const bool faces = scene.cut_faces && composite;
+    const bool cut = plan.clip || (scene.counted && !scene.counted->ends.empty());
+    plan.cut_faces =
+        effects.decide_given(EffectId::cut_faces, faces, faces && lit && cut,
+                             !scene.cut_faces ? "not asked for"
+                             : !composite     ? "asked for, but no matter that is cut shows in this mode"
+                             : !lit           ? "asked for, but " + dark
+                             : !cut           ? "asked for, but nothing is cut off of what can be seen"
+                                              : "where a cut opens what is opaque, gradients may have any direction: "
+                                                "normals are those of the cut") &&
+        plan.lit && cut;
     const auto world = static_cast<std::size_t>(std::count_if(
         scene.lights.begin(), scene.lights.end(), [](const Light& light) { return light.space == LightSpace::world; }));
     const std::size_t eye = scene.lights.size() - world;

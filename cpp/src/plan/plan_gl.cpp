@@ -244,7 +244,7 @@ void plan_gl(const PlanInputs& inputs, Effects& effects, DrawPlan& plan) {
                                       true) &&
                        is_composited(scene.mode);
     plan.read_image = plan.compensated || plan.stop || shows_surfaces(scene.mode) || is_scalar(scene.mode) ||
-                      plan.depth || plan.coverage;
+                      plan.depth || plan.coverage || plan.cut_faces;
     check_coverage(scene, plan);
     if (!options.allow_inexact) {
         effects.refuse_dropped();

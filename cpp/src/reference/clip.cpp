@@ -14,7 +14,7 @@ constexpr double on_a_plane = 1e-6;
 
 } // namespace
 
-Clipping::Clipping(const Clip& clip, const Camera& camera, double slice_distance) {
+Clipping::Clipping(const Clip& clip, const Camera& camera, double slice_distance) : spacing_(slice_distance) {
     for (const Clip::Plane& plane : clip.half_spaces()) {
         // Normals may be so long or short that their squares do not fit.
         const double length = std::hypot(plane.normal.x, plane.normal.y, plane.normal.z);
@@ -22,7 +22,10 @@ Clipping::Clipping(const Clip& clip, const Camera& camera, double slice_distance
         const Vec3 in_eye(glm::dot(normal, camera.right_world()), glm::dot(normal, camera.up_world()),
                           glm::dot(normal, camera.back_world()));
         const double least = plane.offset / length - glm::dot(normal, camera.eye());
-        half_spaces_.push_back({in_eye, least - on_a_plane * slice_distance});
+        half_spaces_.push_back({in_eye, least - on_a_plane * slice_distance, {}});
+        if (plane.center) {
+            half_spaces_.back().center = camera.to_eye(*plane.center);
+        }
     }
 }
 
@@ -33,6 +36,23 @@ bool Clipping::keeps(const Vec3& point_eye) const {
         }
     }
     return true;
+}
+
+CutFace Clipping::entered(const Vec3& start, const Vec3& along, CutFace before) const {
+    constexpr double at_one_place = 1e-3;
+    for (const HalfSpace& half_space : half_spaces_) {
+        const double rises = glm::dot(half_space.normal, along);
+        if (!(rises > 0.0)) {
+            continue;
+        }
+        const double depth = (half_space.least - glm::dot(half_space.normal, start)) / rises;
+        if (depth > before.depth + at_one_place * spacing_) {
+            const Vec3 outward =
+                half_space.center ? glm::normalize(start + depth * along - *half_space.center) : -half_space.normal;
+            before = {depth, outward};
+        }
+    }
+    return before;
 }
 
 Cell::Cell(const Scene& scene, const Camera& camera)

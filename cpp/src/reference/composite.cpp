@@ -17,6 +17,9 @@ constexpr double never = std::numeric_limits<double>::infinity();
 // A point so little in front of a depth limit, in slice distances, is at it.
 constexpr double at_the_limit = 1e-6;
 
+// -ln(2^-24): what is opaque.
+constexpr double thickest_face = 16.635532333438686;
+
 } // namespace
 
 bool calls_for_gradients(const Scene& scene) {
@@ -116,7 +119,7 @@ void Compositor::add_slice(const SheetWindow& window, const Pixel& pixel) {
         const double opacity = looks.opacity * gradient_share(slope);
         const double extinction = -pixel.lengths * std::log1p(-opacity);
         if (extinction > 0.0) {
-            mixture.add(shaded(view, color_of(view, looks.color, 0.0), slope, depth), extinction,
+            mixture.add(shaded(view, color_of(view, looks.color, 0.0), slope, depth, extinction), extinction,
                         extinction_of(opacity));
         }
     }
@@ -139,8 +142,8 @@ void Compositor::add_interval(const SheetWindow& window, const Pixel& pixel) {
         // mean(tau) times a share over a length is mean(tau) over the length times the share.
         const double extinction = pixel.lengths * gradient_share(slope) * mean.extinction;
         if (extinction > 0.0) {
-            mixture.add(shaded(view, color_of_interval(view, mean.color), slope, middle_of_interval(window)),
-                        extinction, extinction);
+            const Vec3 color = color_of_interval(view, mean.color);
+            mixture.add(shaded(view, color, slope, middle_of_interval(window), extinction), extinction, extinction);
         }
     }
     put_behind(pixel, mixture.color(), mixture.opacity(), depth_of_interval(window));
@@ -160,7 +163,8 @@ void Compositor::add_second_order_interval(const SheetWindow& window, const Pixe
     const ColorOpacity looks =
         preintegrate_second_order(*groups_[0].transfer_function, values, pixel.lengths * gradient_share(slope));
     if (looks.opacity > 0.0) {
-        put_behind(pixel, shaded(view, looks.color, slope, middle_of_interval(window)), looks.opacity,
+        const double extinction = extinction_of(looks.opacity);
+        put_behind(pixel, shaded(view, looks.color, slope, middle_of_interval(window), extinction), looks.opacity,
                    depth_of_interval(window));
     }
 }
@@ -205,7 +209,7 @@ void Compositor::add_crossings(const SheetWindow& window, const Pixel& pixel) {
         const Vec3 own = look_up(*groups_[crossing.group].transfer_function, crossing.iso->value).color;
         const Vec3 color = color_of(view, own, share);
         const double depth = slices_.depth(window.n) + share * slices_.spacing;
-        put_behind(pixel, shaded(view, color, slope, depth), crossing.iso->opacity, depth);
+        put_behind(pixel, shaded(view, color, slope, depth, 0.0), crossing.iso->opacity, depth);
     }
 }
 
@@ -319,10 +323,27 @@ double Compositor::gradient_share(const Vec3& gradient) const {
                     std::hypot(gradient.x, gradient.y, gradient.z) / (*scene_.gradient_opacity * reference_distance_));
 }
 
-Vec3 Compositor::shaded(const View& view, const Vec3& color, const Vec3& gradient, double depth) const {
+void Compositor::turn_to_face(const View& view, double depth, double extinction, Lighting& lighting) const {
+    const Vec3 start = screen_.point(view.pixel.column, view.pixel.row, 0.0);
+    const Vec3 along = screen_.point(view.pixel.column, view.pixel.row, 1.0) - start;
+    const CutFace face = ends_[view.group].entered(start, along, clipping_.entered(start, along));
+    const double length = std::max(slices_.spacing, reference_distance_);
+    const double thickness = std::min(extinction * length / slices_.spacing, thickest_face);
+    const double behind = (depth - face.depth) / length;
+    const double through = extinction_of(picture_.rgba[4 * view.pixel.number + 3]) / thickness;
+    lighting.face = face.normal;
+    lighting.on_face = -std::expm1(-4.0 * thickness) * std::clamp(2.0 - behind / 4.0, 0.0, 1.0) *
+                       std::clamp(2.0 - (behind - through), 0.0, 1.0);
+}
+
+Vec3 Compositor::shaded(const View& view, const Vec3& color, const Vec3& gradient, double depth,
+                        double extinction) const {
     const Pixel& pixel = view.pixel;
-    const Lighting lighting{screen_.to_viewer(pixel.column, pixel.row), screen_.point(pixel.column, pixel.row, depth),
-                            surroundings_, nudge_, view.group};
+    Lighting lighting{screen_.to_viewer(pixel.column, pixel.row), screen_.point(pixel.column, pixel.row, depth),
+                      surroundings_, nudge_, view.group};
+    if (scene_.cut_faces && extinction > 0.0) {
+        turn_to_face(view, depth, extinction, lighting);
+    }
     const Vec3 lit = shader_.shade(color, gradient, lighting);
     if (!scene_.depth_cue) {
         return lit;

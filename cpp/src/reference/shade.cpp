@@ -62,7 +62,7 @@ Vec3 Shader::shade(const Vec3& color, const Vec3& gradient, const Lighting& ligh
     if (!lit()) {
         return color * open;
     }
-    const Vec3 outward = normal(gradient, lighting.group);
+    const Vec3 outward = (1.0 - lighting.on_face) * normal(gradient, lighting.group) + lighting.on_face * lighting.face;
     Vec3 shaded = color * (material_.ambient * open);
     for (std::size_t light = 0; light < lights_.size(); ++light) {
         const Vec3 added = added_by(light, color, outward, lighting.to_viewer);

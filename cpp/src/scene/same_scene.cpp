@@ -52,7 +52,7 @@ bool same(const Clip& a, const Clip& b) {
     const std::vector<Clip::Plane> first = a.half_spaces(), second = b.half_spaces();
     return std::equal(first.begin(), first.end(), second.begin(), second.end(),
                       [](const Clip::Plane& one, const Clip::Plane& other) {
-                          return one.normal == other.normal && one.offset == other.offset;
+                          return one.normal == other.normal && one.offset == other.offset && one.center == other.center;
                       });
 }
 
@@ -72,8 +72,8 @@ static bool same(const std::vector<Light>& a, const std::vector<Light>& b) {
 
 bool same(const Scene& a, const Scene& b) {
 #define SHEETSPLAT_OPTION_NAME(type, name, ...) name,
-    const auto& [fields, transfer_function, use, later_groups, SHEETSPLAT_SCENE_OPTIONS(SHEETSPLAT_OPTION_NAME) depth_limit,
-                 counted, part] = a;
+    const auto& [fields, transfer_function, use, later_groups,
+                 SHEETSPLAT_SCENE_OPTIONS(SHEETSPLAT_OPTION_NAME) depth_limit, counted, part] = a;
 #undef SHEETSPLAT_OPTION_NAME
     // Not the limit's depths: they belong to one camera, and settings chosen for one view serve others near it.
     bool all = fields == b.fields && use == b.use && same(transfer_function.points(), b.transfer_function.points()) &&

@@ -7,12 +7,13 @@
 #include <glm/gtc/matrix_access.hpp>
 
 #include "scene/mode_rules.hpp"
+#include "view/half_spaces.hpp"
 
 namespace sheetsplat {
 
 namespace {
 
-/// A point so little below a plane, in slice distances, lies on it.
+/// A point so little in front of a surface, in slice distances, is at it.
 constexpr double rounding = 1e-6;
 /// Beyond all slices that there can be.
 constexpr double no_end = 1 << 30;
@@ -27,7 +28,6 @@ std::int32_t SlicesInFront::last(int column, int row) const {
     if (limit_ == nullptr || column < 0 || row < 0 || column >= limit_->size().width || row >= limit_->size().height) {
         return behind_all;
     }
-    // A point so little in front of the surface is at it.
     const double place = (limit_->at(column, row) - first_depth_) / spacing_ - rounding;
     return static_cast<std::int32_t>(std::clamp(std::ceil(place) - 1.0, -2.0, static_cast<double>(behind_all)));
 }
@@ -41,27 +41,21 @@ KeptSlices::KeptSlices(const Clip& clip, const DrawPlan& plan, const Camera& cam
 
 KeptSlices::KeptSlices(const Clip* clip, const DepthLimit* limit, const DrawPlan& plan, const Camera& camera,
                        const Frame& frame)
-    : axis_x_(frame.axis_x), axis_y_(frame.axis_y), pixel_(frame.pixel), lowest_(-rounding * frame.slice_spacing),
+    : axis_x_(frame.axis_x), axis_y_(frame.axis_y), pixel_(frame.pixel),
       least_(uses_intervals(plan.mode, plan.preintegration) ? -no_end : 0.0),
       most_(uses_intervals(plan.mode, plan.preintegration) ? no_end : static_cast<double>(frame.slices - 1)),
       in_front_(limit, frame) {
     const double spacing = frame.slice_spacing;
     const double depth = frame.first_depth;
-    for (const Clip::Plane& given : clip != nullptr ? clip->half_spaces() : std::vector<Clip::Plane>{}) {
-        // Scaled first: squares of components can leave float64 where the components do not.
-        const double scale = std::max({std::abs(given.normal.x), std::abs(given.normal.y), std::abs(given.normal.z)});
-        const Vec3 scaled = given.normal / scale;
-        const double length = glm::length(scaled);
-        const Vec3 normal = scaled / length;
-        const double eye = glm::dot(normal, camera.eye()) - given.offset / scale / length;
-        const double across = glm::dot(normal, camera.right_world());
-        const double up = glm::dot(normal, camera.up_world());
-        const double back = glm::dot(normal, camera.back_world());
+    for (const KeptHalfSpace& half :
+         clip != nullptr ? half_spaces_in_eye(*clip, camera, spacing) : std::vector<KeptHalfSpace>{}) {
+        const Vec3& normal = half.normal;
         if (frame.projection == Projection::perspective) {
-            planes_.push_back(
-                {{eye - depth * back, depth * across, depth * up}, {-spacing * back, spacing * across, spacing * up}});
+            planes_.push_back({{half.distance - depth * normal.z, depth * normal.x, depth * normal.y},
+                               {-spacing * normal.z, spacing * normal.x, spacing * normal.y}});
         } else {
-            planes_.push_back({{eye - depth * back, across, up}, {-spacing * back, 0.0, 0.0}});
+            planes_.push_back(
+                {{half.distance - depth * normal.z, normal.x, normal.y}, {-spacing * normal.z, 0.0, 0.0}});
         }
     }
 }
@@ -71,7 +65,7 @@ SliceRun KeptSlices::at(int column, int row) const {
     const double y = (axis_y_ - row - 0.5) * pixel_;
     double first = least_, last = std::min(static_cast<double>(in_front_.last(column, row)), most_);
     for (const Plane& plane : planes_) {
-        const double start = plane.start.at(x, y) - lowest_;
+        const double start = plane.start.at(x, y);
         const double step = plane.step.at(x, y);
         if (step > 0.0) {
             first = std::max(first, std::min(std::ceil(-start / step), no_end));

@@ -85,6 +85,7 @@ ShadingInputs make_shading_inputs(const Scene& scene, const Camera& camera, cons
         inputs.cue_strength = cue.strength;
         inputs.cue_color = cue.color;
     }
+    inputs.face_length = std::clamp(frame.reference_length / frame.slice_spacing, 1.0, largest_factor);
     if (plan.ambient_occlusion) {
         inputs.occlusion_strength = scene.ambient_occlusion->strength;
     }

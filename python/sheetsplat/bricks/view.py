@@ -140,8 +140,9 @@ class BrickView:
 
     @property
     def any_order(self) -> bool:
-        """Whether bricks can be drawn alone, in any order: where no pixel is finished before its last brick."""
+        """Whether bricks can be drawn alone, in any order: where what is in front of them changes nothing in them."""
         without_stop = TRAITS[self.mode].is_composited and self.opacity_stop >= 1.0 and "depth" not in self.outputs
+        without_stop = without_stop and not self.options["cut_faces"]
         return TRAITS[self.mode].any_order or without_stop
 
     @property

@@ -101,6 +101,8 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
     lit = (shading is None or truth("render: shading", shading)) and mode in COLORED
     if mode not in COLORED:
         _set_scalar_colors(given, options)
+    if lit and mode in COMPOSITE and not {"lights", "material"} & given.keys():
+        given.setdefault("cut_faces", "clip" in given or any(one.domain for one in fields))
     given.setdefault("lights", (HEAD_LIGHT,) if lit else ())
     given.setdefault("material", SHINY)
     if given.get("ambient_occlusion") is True:

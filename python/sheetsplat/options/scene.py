@@ -84,6 +84,10 @@ def _preintegration(what: str, value: object) -> Preintegration:
     return truth(what, value)
 
 
+def _cut_faces(what: str, value: object) -> bool:
+    return value is not None and truth(what, value)
+
+
 def _occlusion(what: str, value: object) -> AmbientOcclusion | None:
     """Return ambient occlusion, also by its radius alone; None for False."""
     if value is False:
@@ -344,6 +348,19 @@ class EffectOptions(TypedDict, total=False):
                     "Keep the sphere around a point, world units.",
                 ),
             ),
+        ),
+    ]
+    cut_faces: Annotated[
+        bool | None,
+        Option(
+            "Where {clip}, or the end of a volume, cuts open what is opaque, light it by the normal of the cut. Inside "
+            "nearly homogeneous matter the gradient, which gives normals elsewhere, has no direction.",
+            unset="off",
+            chosen="on where {clip} or the end of a volume cuts, unless {lights} or {material} are given",
+            modes=COMPOSITE,
+            effect="cut_faces",
+            check=_cut_faces,
+            flag="--cut-faces/--no-cut-faces",
         ),
     ]
     slice_planes: Annotated[

@@ -72,6 +72,9 @@ def arguments(shown: Shown, state: State, scene: Scene, size: tuple[int, int]) -
     elif "depth_cue" in shown.options and not unused(state.mode, ["depth_cue"]):
         options["depth_cue"] = shown.options["depth_cue"]
     changes = _changes(state, scene)
+    if {"clip", "lights", "material"} & changes.keys() and TRAITS[scene.mode].is_composited:
+        # What render would choose by them.
+        options["cut_faces"] = scene.options["cut_faces"]
     if "transfer_function" in changes:
         for name in _OF_COLORS:
             options.pop(name, None)

@@ -48,6 +48,8 @@ COLORMAPS = (
     *("matlab:copper", "matplotlib:coolwarm", "colorbrewer:RdBu_r", "cmocean:ice", "cmocean:thermal", "crameri:batlow"),
 )
 _RAMP = 48
+# Who gives one of them decides on the light of cut faces.
+_LIGHTS = {"lights", "material", "cut_faces"}
 
 
 def base_of(shown: Shown, state: State) -> Prepared:
@@ -76,9 +78,17 @@ def scene_of(shown: Shown, state: State) -> Scene:
         changes["transfer_function"] = _functions_of(shown, base, surfaces)
     if "depth_cue" in state.changes and not unused(base.mode, ["depth_cue"]):
         changes["depth_cue"] = None if cue is None else fitting_depth_cue(base, state.camera, cue.color, cue.strength)
+    if changes.get("clip") and base.lights and not _LIGHTS & shown.options.keys() and not _is_scene(shown, state):
+        # As `render` decides on a clip that is given; lights that are moved stay those of the viewer.
+        changes["cut_faces"] = True
     if not changes:
         return base
     return base.replace(**changes).with_quality(base.quality)
+
+
+def _is_scene(shown: Shown, state: State) -> bool:
+    """Return whether the caller made the scene."""
+    return isinstance(shown.data(state.choice, state.time), Scene)
 
 
 def drawn_scene(shown: Shown, state: State, size: tuple[int, int]) -> Scene:
@@ -88,7 +98,7 @@ def drawn_scene(shown: Shown, state: State, size: tuple[int, int]) -> Scene:
 
 def fitted_scene(shown: Shown, state: State, scene: Scene, size: tuple[int, int]) -> Scene:
     """Return a scene of a state as pictures of a size have it."""
-    if isinstance(shown.data(state.choice, state.time), Scene):
+    if _is_scene(shown, state):
         return scene
     given: dict[str, Any] = {**shown.options_at(state.choice, state.time), "quality": state.quality}
     # A goal decides when the picture is drawn.

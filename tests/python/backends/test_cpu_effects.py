@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from image_checks import FLOAT32, FLOAT32_HARD, assert_close, distance
-from test_gl_effects import CUBE, SIZE, TILTED, Case, ambiguous, compare, make, moved_by, reference
+from test_gl_effects import BALL, CUBE, FACING, SIZE, TILTED, Case, ambiguous, compare, make, moved_by, reference
 
 import sheetsplat as ss
 
@@ -18,6 +18,9 @@ CUE = ss.DepthCue(2.2, 4.1, (0.9, 0.95, 1.0), 0.8)
 EFFECTS: dict[str, tuple[str, dict[str, Any]]] = {
     "clip": ("clip", {"clip": ss.Clip(TILTED, CUBE)}),
     "clipped-intervals": ("clip", {"clip": ss.Clip(TILTED), "preintegration": True}),
+    "cut-faces": ("cut_faces", {"clip": ss.Clip(FACING), "cut_faces": True}),
+    "faces-of-intervals": ("cut_faces", {"clip": ss.Clip(FACING), "cut_faces": True, "preintegration": True}),
+    "faces-of-spheres": ("cut_faces", {"clip": BALL, "cut_faces": True, "preintegration": "second_order"}),
     "analytic": ("analytic_gradient", {"gradient": "analytic"}),
     "gradient-opacity": ("gradient_opacity", {"gradient_opacity": 1.2}),
     "depth-cue": ("depth_cue", {"depth_cue": CUE}),
@@ -26,6 +29,7 @@ EFFECTS: dict[str, tuple[str, dict[str, Any]]] = {
         "analytic_gradient",
         {
             "clip": ss.Clip(TILTED, CUBE),
+            "cut_faces": True,
             "gradient": "analytic",
             "gradient_opacity": 1.2,
             "depth_cue": CUE,
@@ -83,6 +87,9 @@ def test_an_effect_that_is_missing_or_a_little_off_is_seen(effect):
     assert moved_by(case, without) > 10 * FLOAT32_HARD[0]
     off: dict[str, Any] = {
         "clip": {"clip": ss.Clip((((1.0, 2.0, 0.5), -0.21), TILTED[1]), CUBE)},
+        "cut-faces": {"cut_faces": False},
+        "faces-of-intervals": {"cut_faces": False},
+        "faces-of-spheres": {"cut_faces": False},
         "gradient-opacity": {"gradient_opacity": 1.21},
         "depth-cue": {"depth_cue": ss.DepthCue(2.21, 4.1, (0.9, 0.95, 1.0), 0.8)},
         "second-order": {"preintegration": True},

@@ -19,6 +19,9 @@ SIZE = (44, 36)
 LIGHTS = (ss.Light((0.4, 0.6, 1.0), (1.0, 0.9, 0.8)), ss.Light((-1.0, 0.2, 0.3), (0.2, 0.2, 0.4), "world"))
 MATERIAL = ss.Material(ambient=0.2, diffuse=0.7, specular=0.3, shininess=12, two_sided=True)
 CUBE = ((-0.55, -0.6, -0.5), (0.5, 0.6, 0.65))
+# Planes that the camera looks at, and a sphere.
+FACING = (((-1.0, -0.9, -1.5), -0.3), ((-1.0, 0.2, 0.1), -0.2))
+BALL = ss.Clip(sphere=((0.0, 0.1, -0.1), 0.6))
 TILTED = (((1.0, 2.0, 0.5), -0.2), ((-3.0, 0.5, 1.0), -2.0))
 
 
@@ -236,6 +239,24 @@ def test_gradient_opacity(case):
     check(faded, on=("gradient_opacity", "gradient"))
     assert moved_by(faded, case) > 100 * FLOAT32[0]
     assert moved_by(faded, case.with_(gradient_opacity=2.02)) > 2 * FLOAT32[0], "a hundredth of g1 must be seen"
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        Case(options=(("clip", ss.Clip(FACING)),)),
+        Case("uneven", projection="perspective", options=(("clip", ss.Clip(FACING, CUBE)),), opaque=True),
+        Case("bcc", options=(("clip", BALL), ("preintegration", True))),
+        Case("cartesian", projection="perspective", options=(("clip", BALL), ("slice_spacing", 0.05))),
+        Case("ellipsoids", "threshold", options=(("clip", ss.Clip(FACING)), ("preintegration", "second_order"))),
+        Case("ellipsoids", "threshold", visible_zero=True, options=(("clip", ss.Clip(FACING)), ("opacity_stop", 0.9))),
+        Case("cartesian+ellipsoids", options=(("clip", ss.Clip(FACING)), ("slice_spacing", 0.7))),
+    ],
+    ids=str,
+)
+def test_cut_faces(case):
+    check(case.with_(cut_faces=True), FLOAT32_HARD, on=("cut_faces", "clip"))
+    assert moved_by(case.with_(cut_faces=True), case) > 10 * FLOAT32_HARD[0]
 
 
 @pytest.mark.parametrize(

@@ -306,6 +306,8 @@ def with_effects(parts: dict[str, Any], seed: int) -> dict[str, Any]:
         scene["gradient_opacity"] = float(rng.uniform(0.05, 1.5))
     if around < 0.4:
         parts["size"] = tuple(min(n, 6) for n in parts["size"])
+    if rng.random() < 0.6:
+        scene["cut_faces"] = True
     return parts
 
 
@@ -330,7 +332,7 @@ def test_reference_is_the_oracle_of_effects(seed: int, reference_renderer: ss.Re
 
 def test_random_effects_show_something(reference_renderer: ss.Renderer) -> None:
     parts = [effect_scene(seed) for seed in EFFECTS]
-    for name in ("clip", "depth_cue", "shadows", "ambient_occlusion", "gradient_opacity"):
+    for name in ("clip", "depth_cue", "shadows", "ambient_occlusion", "gradient_opacity", "cut_faces"):
         assert sum(name in one["scene"] for one in parts) >= 5, name
     assert share_seen(parts, reference_renderer) > 0.6
 
@@ -371,6 +373,12 @@ WRONG_EFFECTS: dict[str, tuple[Any, str, Callable[..., Any], dict[str, Any]]] = 
     "quotient": (oracle.samples, "normalised_slope", steeper, {"gradient": "analytic", "gradient_opacity": 3.0}),
     "second order": (oracle.picture, "second_order", without_romberg, {"preintegration": "second_order"}),
     "clip": (oracle.Clip, "keeps", farther_planes, {"clip": {"planes": [((0.6, 0.0, 0.8), 0.05)]}}),
+    "cut faces": (
+        oracle.picture,
+        "face_share",
+        opacity_of_alpha,
+        {"clip": {"planes": [((0.6, 0.0, -0.8), -0.1)]}, "cut_faces": True},
+    ),
     "shadows": (oracle.Around, "left", from_here, {"shadows": True}),
     "occlusion": (oracle.Around, "left", from_here, {"ambient_occlusion": {"radius": 0.5}}),
     "opacity": (oracle.picture, "gradient_share", opacity_of_alpha, {"gradient_opacity": 3.0}),

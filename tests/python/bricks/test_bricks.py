@@ -28,6 +28,8 @@ from sheetsplat.bricks.partial import Finished, Partial, finish, merge
 from sheetsplat.bricks.partition import partition_lattice, partition_points
 from sheetsplat.bricks.view import BrickView
 
+# In front of the cut lie bricks that show nothing; what lies behind depends on what is in front of it.
+CUT = {"clip": ss.Clip(box=((4, 4, 4), (13, 13, 13))), "cut_faces": True, "opacity_stop": 1.0}
 # name of the field, brick size or number, camera, outputs, options
 SCENES: dict[str, tuple[str, Any, str, tuple[str, ...], dict[str, Any]]] = {
     "lit": ("cartesian", 9, "orthographic", ("depth", "coverage"), LIT),
@@ -46,6 +48,8 @@ SCENES: dict[str, tuple[str, Any, str, tuple[str, ...], dict[str, Any]]] = {
         ("depth",),
         {**LIT, "preintegration": True, "clip": ss.Clip(planes=[((1.0, 0.5, -0.3), 9.0)])},
     ),
+    "cut faces": ("cartesian", 9, "perspective", (), {**LIT, **CUT}),
+    "cut faces of intervals": ("oblique", 9, "orthographic", ("depth",), {**LIT, **CUT, "preintegration": True}),
     "gradient opacity": ("cartesian", 9, "orthographic", (), {"gradient_opacity": 0.1}),
     "cue": ("cartesian", 9, "orthographic", (), {**LIT, "depth_cue": ss.DepthCue(20.0, 60.0, (1.0, 1.0, 1.0))}),
     "filter": ("cartesian", 9, "perspective", (), {**LIT, "filter": "ewa"}),

@@ -123,7 +123,14 @@ def test_defaults_are_those_of_cpp(header, start, taker, others):
     cpp.pop("least_weight", None)
     assert len(cpp) >= 3
     # What Python leaves out with None is 0, false or a name in C++.
-    unset = {"filter": "none", "prefilter": False, "tile_size": 0.0, "tags_per_clear": 0.0, "threads": 0.0}
+    unset = {
+        "filter": "none",
+        "prefilter": False,
+        "cut_faces": False,
+        "tile_size": 0.0,
+        "tags_per_clear": 0.0,
+        "threads": 0.0,
+    }
     assert cpp == {name: unset[name] if python[name] is None else python[name] for name in cpp}
 
 

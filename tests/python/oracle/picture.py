@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .kernels import Array, Mask
+from .kernels import Array, Box, Mask
 from .samples import Nudge, density, gradients, place, sample, screen
-from .scene import MOST_OPACITY, Camera, Scene, TransferFunction, ramp_means, second_order, slice_opacity, unit
+from .scene import MOST_OPACITY, Camera, Clip, Scene, TransferFunction, ramp_means, second_order, slice_opacity, unit
 
 
 @dataclass
@@ -112,8 +112,12 @@ def shade(
     turn: Array,
     points: Array,
     around: Around | None,
+    face: tuple[Array, Array],
 ) -> Array:
-    """Return the shaded colour of points; these, gradient and to_camera in eye space, turn from world to eye."""
+    """Return the shaded colour of points; these, gradient and to_camera in eye space, turn from world to eye.
+
+    `face`: what normals of cuts count, and these.
+    """
     ambient = 1.0
     if around is not None and scene.ambient_occlusion is not None:
         ambient = around.ambient(points)[:, None]
@@ -122,6 +126,7 @@ def shade(
     length = np.linalg.norm(gradient, axis=-1)
     bound = np.maximum(length, weak)
     normal = -gradient / np.where(bound > 0, bound, 1)[..., None]
+    normal = (1 - face[0])[:, None] * normal + face[0][:, None] * face[1]
     material = scene.material
     shaded = colour * material.ambient * ambient
     for light in scene.lights:
@@ -178,25 +183,27 @@ def render(
     if found:
         around = Around(scene, camera, size, nudge) if scene.shadows or scene.ambient_occlusion is not None else None
 
-        def shader(weak: float) -> Shader:
-            def shaded(colour: Array, gradient: Array, at: Mask, t: Array) -> Array:
+        def shader(weak: float, entered: tuple[Array, Array]) -> Shader:
+            def shaded(colour: Array, gradient: Array, at: Mask, t: Array, own: Array) -> Array:
                 points = ray_points(camera, size, at, t)
-                lit = shade(colour, gradient, to_camera[at], weak, scene, turn, points, around)
+                share = face_share(scene, (t - entered[0][at]), own, rgba[at, 3])
+                lit = shade(colour, gradient, to_camera[at], weak, scene, turn, points, around, (share, entered[1][at]))
                 cue = scene.depth_cue
                 if cue is None:
                     return lit
-                share = (cue.strength * np.clip((t - cue.start) / (cue.end - cue.start), 0, 1))[:, None]
-                return lit * (1 - share) + np.asarray(cue.color, float) * share
+                faded = (cue.strength * np.clip((t - cue.start) / (cue.end - cue.start), 0, 1))[:, None]
+                return lit * (1 - faded) + np.asarray(cue.color, float) * faded
 
             return shaded
 
         groups = []
         bases, weakest = scene.bases(), scene.weakest()
-        for number, (_, tf) in enumerate(scene.groups()):
+        for number, (fields, tf) in enumerate(scene.groups()):
             base, inside = bases[number], samples.inside[number, 1:-1]
             analytic = scene.gradient == "analytic"
             slopes = samples.slope[number, 1:-1] if analytic else gradients(samples, number, camera, size, spacing)
-            counted, shaded = tf.counted_from(base), shader(weakest[number])
+            entered = entries(scene, fields[0].domain(), camera, size)
+            counted, shaded = tf.counted_from(base), shader(weakest[number], entered)
             groups.append(Group(counted, base, rho[number], empty[number] | ~inside, inside, slopes, shaded))
         paint = _isosurface if scene.mode == "isosurface" else _composite
         slices = Slices(depths, kept, spacing * stretch / length, samples.cut)
@@ -241,8 +248,36 @@ def gradient_share(scene: Scene, gradient: Array) -> Array:
     return np.minimum(1.0, np.linalg.norm(gradient, axis=-1) / scene.gradient_opacity)
 
 
-# Colour, gradient, pixels and depth to shaded colour.
-Shader = Callable[[Array, Array, Mask, Array], Array]
+def entries(scene: Scene, domain: Box | None, camera: Camera, size: tuple[int, int]) -> tuple[Array, Array]:
+    """Return where rays enter what clip and domain keep: depths (h, w) and outward normals (h, w, 3) of faces."""
+    w, h = size
+    everywhere = np.ones((h, w), bool)
+    start, end = (ray_points(camera, size, everywhere, np.full(h * w, t)) for t in (0.0, 1.0))
+    depth, normal = np.full(h * w, -np.inf), np.zeros((h * w, 3))
+    clips = [scene.clip or Clip(), Clip(box=domain)]
+    for outward, least in [face for clip in clips for face in clip.faces(camera, scene.spacing())]:
+        rises = (end - start) @ outward
+        found = (least - start @ outward) / np.where(rises > 0, rises, 1.0)
+        later = (rises > 0) & (found > depth + 1e-3 * scene.spacing())
+        depth[later], normal[later] = found[later], -outward
+    return depth.reshape(h, w), normal.reshape(h, w, 3)
+
+
+def face_share(scene: Scene, behind: Array, alpha: Array, in_front: Array) -> Array:
+    """Return what normals of cuts count, so far behind them, where slices have these opacities."""
+    if not scene.cut_faces:
+        return np.zeros(len(behind))
+    unit_length = max(scene.spacing(), scene.length())
+    with np.errstate(divide="ignore"):
+        tau = np.minimum(-np.log1p(-alpha) * unit_length / scene.spacing(), 24 * math.log(2))
+        hidden = -np.log1p(-in_front)
+    d = behind / unit_length
+    through = hidden / np.where(tau > 0, tau, 1)
+    return np.asarray((1 - np.exp(-4 * tau)) * np.clip(2 - d / 4, 0, 1) * np.clip(2 - (d - through), 0, 1))
+
+
+# Colour, gradient, pixels, depth and opacity to shaded colour.
+Shader = Callable[[Array, Array, Mask, Array, Array], Array]
 
 
 @dataclass
@@ -322,7 +357,7 @@ def _composite(scene: Scene, slices: Slices, groups: list[Group], stop: float, r
                 opacity, colour = classified[:, 3] * share, classified[:, :3]
                 own = slice_opacity(opacity, slices.lengths[at])
                 weight, t = -np.log1p(-np.minimum(opacity, MOST_OPACITY)), slices.depths[s]
-            lit = group.shaded(colour, gradient, at, np.full(at.sum(), t))
+            lit = group.shaded(colour, gradient, at, np.full(at.sum(), t), own)
             alpha[at] += (1 - alpha[at]) * own
             tau[at] += weight
             tau_c[at] += weight[:, None] * lit
@@ -352,7 +387,7 @@ def _isosurface(scene: Scene, slices: Slices, groups: list[Group], stop: float, 
                 gradient = g.slopes[s][at] * (1 - share)[:, None] + g.slopes[s + 1][at] * share[:, None]
                 t = slices.depths[s] + share * spacing
                 colour = np.broadcast_to(g.tf(np.array(value))[:3], gradient.shape)
-                lit = g.shaded(colour, gradient, at, t)
+                lit = g.shaded(colour, gradient, at, t, np.zeros(at.sum()))
                 _put_behind(rgba, depth, at, lit, np.full(share.shape, opacity), t)
 
 

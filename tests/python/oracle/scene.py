@@ -234,6 +234,20 @@ class Clip:
             kept &= ((at >= low - near) & (at <= high + near)).all(-1)
         return kept
 
+    def faces(self, camera: Camera, spacing: float) -> list[tuple[Array, float]]:
+        """Return half spaces (normal, least) of eye space: planes, then the faces of the box."""
+        world = [(np.asarray(normal, float), float(least)) for normal, least in self.planes]
+        if self.box is not None:
+            to_box = np.eye(3) if len(self.box) == 2 else self.box[2]
+            for row, low, high in zip(to_box, *self.box[:2], strict=True):
+                world += [(row, float(low)), (-row, -float(high))]
+        made = []
+        for normal, least in world:
+            length = float(np.linalg.norm(normal))
+            away = least / length - normal @ camera.eye / length - 1e-6 * spacing
+            made.append((camera.turn() @ normal / length, away))
+        return made
+
 
 @dataclass
 class DepthCue:
@@ -272,6 +286,7 @@ class Scene:
     gradient: str = "sheets"
     clip: Clip | None = None
     gradient_opacity: float | None = None
+    cut_faces: bool = False
     depth_cue: DepthCue | None = None
     shadows: bool = False
     ambient_occlusion: AmbientOcclusion | None = None

@@ -14,6 +14,7 @@
 #include "sheetsplat/camera.hpp"
 #include "sheetsplat/light_volume.hpp"
 #include "sheetsplat/scene.hpp"
+#include "view/half_spaces.hpp"
 #include "view/shading_inputs.hpp"
 
 namespace sheetsplat {
@@ -28,12 +29,6 @@ struct ShadingLight {
     T direction[3] = {}; ///< eye space, unit length, towards the light
     T diffuse[3] = {};   ///< colour times diffuse coefficient
     T specular[3] = {};  ///< colour times specular coefficient
-};
-
-/// A half space that is kept, in eye space: dot(normal, x) + distance >= 0. World units.
-struct KeptHalfSpace {
-    Vec3 normal{0.0};
-    double distance = 0.0; ///< with what a point on the plane is allowed
 };
 
 /// A lattice whose kernels are summed at single points. Kernels are spheres in units of the samples.
@@ -118,6 +113,7 @@ struct Shading {
     bool by_effects = false;
     bool analytic_gradient = false;
     bool gradient_opacity = false;
+    bool cut_faces = false;
     bool depth_cue = false;
     bool shadows = false;
     bool occlusion = false;
@@ -155,6 +151,7 @@ struct Shading {
     T occlusion_strength = T(0);
     ShadingInputs inputs; ///< what effects read once a slab or row
 
+    double face_length = 1.0;                      ///< ShadingInputs has it
     double first_depth = 0.0, slice_spacing = 1.0; ///< world units
     double nearest_depth = 0.0;                    ///< least depth that an interval reports
     /// Perspective: slope of the ray of pixel (i, j) is ((i - axis_x) pixel, (axis_y - j) pixel).

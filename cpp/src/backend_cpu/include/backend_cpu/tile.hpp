@@ -75,6 +75,14 @@ struct SlabWindow : SheetWindow<T> {
     Rect rect;
 };
 
+/// Of a group, the faces of cuts through which pixels' rays come (CutFaces): planes of a tile.
+template <class T>
+struct FacePlanes {
+    const T* slice = nullptr;  ///< where: the last slice in front of it
+    const T* behind = nullptr; ///< and how far it lies behind that, in slice distances
+    const T* normal[3] = {};
+};
+
 /// A tile's picture while it is made: planes of TileShape::picture_elements().
 template <class T>
 struct TilePicture {
@@ -90,6 +98,7 @@ struct TilePicture {
     /// Of a part of a whole: the slices that it draws, with the intervals behind them; null where it draws all.
     const T* first_owned = nullptr;
     const T* last_owned = nullptr;
+    std::vector<FacePlanes<T>> faces; ///< a group each; none unless the plan has cut_faces
     /// Sums over a tile of squares of how much of an error of rho lit pixels show (Slab::doubt), a lane each.
     alignas(64) T doubts[TileShape::padding] = {};
     int* row_alive = nullptr; ///< a row: pixels that still change: alpha < A_stop, and not yet at the depth limit

@@ -44,6 +44,7 @@ enum class Control : std::uint8_t {
     X(analytic_gradient,       can, can, is, nullptr, "gradients are sums of the kernels' own derivatives") \
     X(fine_gradient,           can, no,  no, nullptr, "differences of neighbouring samples are splatted, since differences of sums would lose their digits") \
     X(gradient_opacity,        can, can, is, nullptr, "opacity is multiplied by min(1, gradient / gradient_opacity)") \
+    X(cut_faces,               can, can, is, nullptr, "faces of cuts have the normal of the cut where the volume is opaque there") \
     X(ambient_only,            is,  is,  is, "the scene's lights and material", "only ambient light is reflected, so no normals are made") \
     X(specular,                can, can, is, nullptr, "highlights are added") \
     X(two_sided,               can, can, is, nullptr, "normals turn towards each light") \

@@ -75,6 +75,7 @@ struct DrawPlan {
     bool ambient_only = false; ///< with lights that change nothing: colours are multiplied by the ambient coefficient
     bool specular = false;
     bool two_sided = false;
+    bool cut_faces = false; ///< where clip or ends cut what is opaque, normals are those of the cut
     bool shadows = false;
     bool ambient_occlusion = false;
     bool depth_cue = false; ///< colours fade with depth

@@ -99,8 +99,11 @@ class Compositor {
     [[nodiscard]] Vec3 color_of(const View& view, const Vec3& own, double share) const;
     /// The same over the interval behind slice n.
     [[nodiscard]] Vec3 color_of_interval(const View& view, const Vec3& own) const;
-    /// The colour of a group that is composited: lit, and faded with depth.
-    [[nodiscard]] Vec3 shaded(const View& view, const Vec3& color, const Vec3& gradient, double depth) const;
+    /// Sets the normal of the cut through which the ray came, and what it counts.
+    void turn_to_face(const View& view, double depth, double extinction, Lighting& lighting) const;
+    /// The colour of a group that is composited: lit, and faded with depth. extinction: of its slice or interval.
+    [[nodiscard]] Vec3 shaded(const View& view, const Vec3& color, const Vec3& gradient, double depth,
+                              double extinction) const;
     [[nodiscard]] double middle_of_interval(const SheetWindow& window) const;
     /// What the picture reports as the depth of an interval.
     [[nodiscard]] double depth_of_interval(const SheetWindow& window) const;

@@ -35,6 +35,8 @@ struct Lighting {
     const Surroundings* surroundings = nullptr; ///< null without shadows and ambient occlusion
     double nudge = 0.0;                         ///< of the surroundings' rho, as section 9 has it
     std::size_t group = 0;                      ///< whose colour is shaded
+    Vec3 face{0.0};                             ///< outward normal of a cut, unit length
+    double on_face = 0.0;                       ///< what it counts beside that of the gradient
 };
 
 /// Lights and material of a scene as one camera sees them. Gradients are per reference length, so that they stay in

@@ -83,7 +83,6 @@ class KeptSlices {
     std::vector<Plane> planes_;
     double axis_x_, axis_y_; ///< as Frame has them
     double pixel_;           ///< width of a pixel, as Frame has it
-    double lowest_;          ///< height of what still counts as kept
     double least_, most_;    ///< slices: those there are, of intervals any
     SlicesInFront in_front_;
 };

@@ -58,6 +58,9 @@ struct ShadingInputs {
     double cue_start = 0.0, cue_per_depth = 0.0, cue_strength = 0.0;
     Vec3 cue_color{0.0};
 
+    /// Slice distances to the length by which faces of cuts count: those of a reference length, 1 to 1e30.
+    double face_length = 1.0;
+
     double occlusion_strength = 0.0; ///< of ambient occlusion
 };
 

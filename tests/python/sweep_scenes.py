@@ -269,7 +269,17 @@ def smaller(parts: Parts) -> Iterator[Parts]:
             yield {**parts, "fields": [one for place, one in enumerate(parts["fields"]) if place != number]}
     for number in range(len(parts["lights"])):
         yield {**parts, "lights": [one for place, one in enumerate(parts["lights"]) if place != number]}
-    for name in ("clip", "gradient", "depth_cue", *LIGHT, "gradient_opacity", "preintegration", "filter", "background"):
+    for name in (
+        "cut_faces",
+        "clip",
+        "gradient",
+        "depth_cue",
+        *LIGHT,
+        "gradient_opacity",
+        "preintegration",
+        "filter",
+        "background",
+    ):
         if parts["scene"].get(name):
             yield {**parts, "scene": {key: value for key, value in parts["scene"].items() if key != name}}
     if parts["scene"].get("sampling") == "slab":

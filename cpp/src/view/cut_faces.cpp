@@ -44,9 +44,12 @@ CutFace CutFaces::at(std::size_t group, int column, int row) const {
     CutFace last;
     for (const KeptHalfSpace& half : faces_[group]) {
         const double rises = glm::dot(half.normal, along);
+        if (!(rises > 0.0)) {
+            continue;
+        }
         const double depth = -(glm::dot(half.normal, start) + half.distance) / rises;
         const double slice = (depth - first_depth_) / spacing_;
-        if (rises > 0.0 && slice > last.slice + at_one_place) {
+        if (slice > last.slice + at_one_place) {
             last = {slice, half.center ? glm::normalize(start + depth * along - *half.center) : -half.normal};
         }
     }

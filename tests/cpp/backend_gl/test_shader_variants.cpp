@@ -256,6 +256,12 @@ const std::vector<Marked>& marked() {
         {"clip", {"clip_texture", "is_kept", "kept"}, [](DrawPlan& plan) { plan.clip = true; }},
         {"depth_cue", {"cue", "cue_share", "cued"}, [](DrawPlan& plan) { plan.depth_cue = true; }},
         {"gradient_opacity", {"full_gradient"}, [](DrawPlan& plan) { plan.gradient = plan.gradient_opacity = true; }},
+        {"cut_faces",
+         {"face", "face_of", "face_texture", "face_length"},
+         [](DrawPlan& plan) {
+             light(plan);
+             plan.clip = plan.read_image = plan.cut_faces = true;
+         }},
         {"preintegration", {"ramp"}, [](DrawPlan& plan) { plan.preintegration = true; }},
         {"second_order", {"bent_ramp"}, [](DrawPlan& plan) { plan.preintegration = plan.second_order = true; }},
         {"opacity_correction", {"opacity_of\\(classified"}, [](DrawPlan& plan) { plan.opacity_correction = true; }},

@@ -141,6 +141,28 @@ TEST(SceneEffects, FollowTheScene) {
     EXPECT_TRUE(plan_of(scene).shadows && plan_of(scene).ambient_occlusion);
 }
 
+TEST(SceneEffects, FacesAreOfCutsInLitComposites) {
+    Scene scene = lit_scene();
+    scene.cut_faces = true;
+    EXPECT_FALSE(plan_of(scene).cut_faces);
+    expect_parts(row(plan_of(scene), "cut_faces").reason, {"nothing is cut off"});
+    scene.clip.planes = {{{1, 0, 0}, 0.5}};
+    for (const Backend backend : backends) {
+        EXPECT_TRUE(plan_of(scene, backend).cut_faces) << to_string(backend);
+        expect_parts(row(plan_of(scene, backend), "cut_faces").reason, {"normals are those of the cut"});
+    }
+    EXPECT_TRUE(plan_of(scene, Backend::gl).read_image) << "what is in front counts";
+    scene.cut_faces = false;
+    EXPECT_FALSE(plan_of(scene).cut_faces);
+    scene.cut_faces = true;
+    scene.mode = Mode::mip;
+    EXPECT_FALSE(plan_of(scene).cut_faces);
+    scene.mode = Mode::composite;
+    scene.lights.clear();
+    EXPECT_FALSE(plan_of(scene).cut_faces);
+    expect_parts(row(plan_of(scene), "cut_faces").reason, {"there are no lights"});
+}
+
 TEST(SceneEffects, GradientsAreForLightsOrForOpacity) {
     Scene scene = lit_scene();
     scene.lights.clear();
@@ -463,8 +485,8 @@ TEST(SceneEffects, DepthCuesThatChangeNothingAreOff) {
 }
 
 TEST(SceneEffects, WhatHasNoNumbersCannotBeForcedOn) {
-    for (const char* name : {"clip", "gradient_opacity", "depth_cue", "second_order", "shadows", "ambient_occlusion",
-                             "analytic_gradient"}) {
+    for (const char* name : {"clip", "gradient_opacity", "cut_faces", "depth_cue", "second_order", "shadows",
+                             "ambient_occlusion", "analytic_gradient"}) {
         const DrawPlan plan = plan_of(lit_scene(), Backend::cpu, forcing(name, true));
         EXPECT_FALSE(row(plan, name).on) << name;
         EXPECT_TRUE(row(plan, name).forced) << name;

@@ -322,6 +322,31 @@ TEST(Clipping, OfABoxIsThatOfSixPlanes) {
     EXPECT_GT(largest_difference(boxed.rgba, render(planes, oblique_camera(), size).rgba), 1e-2);
 }
 
+TEST(CutFaces, OfOpaqueMatterAreLitByTheirNormal) {
+    RegularFieldOptions options = test::zero_boundary();
+    options.origin = Vec3(-8.0, -8.0, -8.0);
+    // What varies inside is opaque all the same.
+    const auto rough = make_field(
+        sampled({17, 17, 17}, [](int i, int j, int k) { return 2.0 + std::sin(1.0 + 2.0 * i + 3.0 * j - 4.0 * k); }),
+        {17, 17, 17}, options);
+    Scene scene = make_scene(rough, TransferFunction({{0.1, Vec3(1.0), 1.0}, {4.0, Vec3(1.0), 1.0}}));
+    scene.material.ambient = 0.25;
+    scene.material.diffuse = 0.5;
+    scene.material.specular = 0.0;
+    scene.lights = {{Vec3(0.6, 0.0, 0.8), Vec3(1.0), LightSpace::eye}};
+    scene.clip.planes = {{Vec3(1.0, 0.0, -1.0), 0.0}};
+    const Picture without = render(scene, front_camera(4.0), size);
+    scene.cut_faces = true;
+    const Picture faces = render(scene, front_camera(4.0), size);
+    const double lit = 0.25 + 0.5 * (0.8 - 0.6) / std::sqrt(2.0);
+    double moved = 0.0;
+    for (std::size_t at = 0; at < faces.rgba.size(); at += 4) {
+        EXPECT_NEAR(faces.rgba[at], lit, 1e-14);
+        moved = std::max(moved, std::abs(faces.rgba[at] - without.rgba[at]));
+    }
+    EXPECT_GT(moved, 0.2);
+}
+
 TEST(GradientOpacity, OfARamp) {
     // rho = x / 4 far from the borders, so that a is multiplied by 1 / (4 g1) there; below g1 = 1/4 by 1.
     RegularFieldOptions options = test::zero_boundary();

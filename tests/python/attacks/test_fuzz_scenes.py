@@ -146,6 +146,8 @@ def effects(draw: st.DrawFn, span: float) -> Parts:
         found["planes"] = [(rng.normal(size=3), rng.uniform(-0.5, 0.5)) for _ in range(draw(st.integers(1, 3)))]
     if draw(st.integers(1, 6)) == 1:
         found["box"] = np.sort(rng.uniform(-1.2, 1.2, (2, 3)), axis=0)
+    if {"planes", "box"} & found.keys():
+        found["cut_faces"] = draw(st.booleans())
     if draw(st.integers(1, 3)) == 1:
         found["gradient"] = "analytic"
     if draw(st.integers(1, 6)) == 1:
@@ -159,7 +161,7 @@ def effects(draw: st.DrawFn, span: float) -> Parts:
 def built(made: Parts) -> tuple[ss.Scene, ss.Camera, tuple[int, int]]:
     """Return scene, camera and size with the effects that scattered_scenes does not know."""
     wanted: Parts = made.get("effects", {})
-    more = {name: wanted[name] for name in ("gradient", "gradient_opacity") if name in wanted}
+    more = {name: wanted[name] for name in ("gradient", "gradient_opacity", "cut_faces") if name in wanted}
     if "planes" in wanted or "box" in wanted:
         box = wanted.get("box")
         more["clip"] = ss.Clip(planes=wanted.get("planes", ()), box=None if box is None else tuple(box))

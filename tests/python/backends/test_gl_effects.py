@@ -326,7 +326,7 @@ def test_analytic_gradients_with_other_effects(case):
 TOGETHER = [
     Case(
         "cartesian+ellipsoids",
-        options=(("gradient", "analytic"), ("clip", CLIPS["planes"]), ("depth_cue", CUE)),
+        options=(("gradient", "analytic"), ("clip", CLIPS["planes"]), ("cut_faces", True), ("depth_cue", CUE)),
         visible_zero=True,
         outputs=("coverage", "depth"),
     ),
@@ -337,6 +337,7 @@ TOGETHER = [
             ("preintegration", "second_order"),
             ("gradient_opacity", 2.0),
             ("clip", CLIPS["box"]),
+            ("cut_faces", True),
             ("opacity_stop", 0.95),
         ),
         opaque=True,

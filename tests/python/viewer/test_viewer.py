@@ -45,6 +45,22 @@ def test_levels_are_the_picture_over_its_background():
     assert np.abs(frames.levels(scalar, (0, 0, 0)) / 255 - shown).max() <= 4 / 255
 
 
+def test_cuts_of_the_viewer_have_faces_and_so_has_their_code(opened):
+    """Data that end nowhere: nothing is cut before."""
+    rng = np.random.default_rng(2)
+    data = ss.EllipsoidField(rng.uniform(0, 6, (60, 3)), np.full(60, 1.5), values=rng.uniform(0.5, 1, 60))
+    session = opened(data)
+    page = Page(session)
+    page.wait("about")
+    assert not session.scene().options["cut_faces"]
+    page.set(clip={"box": [[0, 0, 0], [3, 6, 6]]})
+    page.wait("frame", last=True)
+    assert session.scene().options["cut_faces"]
+    after = session.picture()
+    assert after.plan.has("cut_faces")
+    assert np.array_equal(made_by(session.code(), data, threads=1).rgba, after.rgba)
+
+
 @pytest.mark.parametrize("name", [*CHANGES, "all"])
 def test_each_change_changes_the_picture_and_its_code_makes_it_again(opened, name):
     data = volume()

@@ -84,6 +84,8 @@ class FieldRecipe:
         Distance and weight of its ghost points, or None.
     trim
         What was left out of the data.
+    colored
+        Whether its samples are colours.
 
     Examples
     --------
@@ -97,6 +99,7 @@ class FieldRecipe:
     quantity: Quantity = Quantity()
     ghost_points: tuple[float, float] | None = None
     trim: Trim = Trim()
+    colored: bool = False
 
     @classmethod
     def of(cls, field: Field) -> FieldRecipe:
@@ -112,7 +115,8 @@ class FieldRecipe:
         ghosts = field.ghost_options if isinstance(field, EllipsoidField) else None
         # Weights that are no array of the file have no name.
         unnamed = {"weight": None} if field.weighting is not None else {}
-        return cls(kind, options, {**unnamed, **field.opened}, field.quantity, ghosts, field.trim)
+        colored = isinstance(field, RegularField) and field.colored
+        return cls(kind, options, {**unnamed, **field.opened}, field.quantity, ghosts, field.trim, colored)
 
     def kernels_of(self, field: Field) -> Field:
         """Return a volume with the kernels of the one in the picture, unless it has some of its own."""
@@ -395,8 +399,8 @@ def field_recipe_of(value: Any, before: Mapping[str, Any] | None = None) -> Fiel
     before: options of volumes that have no boundary.
     """
     with _reading("fields"):
-        # Earlier pictures left nothing out.
-        given = {"trim": {}, **value} if isinstance(value, dict) else value
+        # Earlier pictures left nothing out, and told nothing of colours.
+        given = {"trim": {}, "colored": False, **value} if isinstance(value, dict) else value
         names = tuple(one.name for one in fields(FieldRecipe))
         check_object(given, names, names)
         kind, ghosts, trim = given["kind"], given["ghost_points"], given["trim"]
@@ -413,6 +417,9 @@ def field_recipe_of(value: Any, before: Mapping[str, Any] | None = None) -> Fiel
             left_out = object_of(Trim, trim)
             if left_out.kernels and not scattered:
                 raise complain("", f"{shown(left_out.kernels)} of a {kind}", "an EllipsoidField", option="kernels")
+        if not fits(given["colored"], bool) or (given["colored"] and scattered):
+            wanted = "true or false, false for an EllipsoidField"
+            raise complain("", f"{shown(given['colored'])} of a {kind}", wanted, option="colored")
         with _reading("quantity"):
             check_object(given["quantity"])
             quantity = object_of(Quantity, given["quantity"])
@@ -421,7 +428,7 @@ def field_recipe_of(value: Any, before: Mapping[str, Any] | None = None) -> Fiel
             options = {**(before or {}), **options}
         opened = _options("opened", given["opened"], _OPENED)
         ghosts = None if ghosts is None else (float(ghosts[0]), float(ghosts[1]))
-        return FieldRecipe(kind, options, opened, quantity, ghosts, left_out)
+        return FieldRecipe(kind, options, opened, quantity, ghosts, left_out, given["colored"])
 
 
 _READERS: dict[str, Callable[[Any], Any]] = {

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import image_size, shown
@@ -40,6 +40,7 @@ from sheetsplat.quantity import Quantity, notes_of
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 
+Given = TypeVar("Given")
 #: Version of the format of the text.
 FORMAT = 1
 _MOST_FIELDS = 256
@@ -295,6 +296,15 @@ class Recipe:
                 "a PNG that sheetsplat wrote with its description",
             )
         return cls.from_json(text)
+
+
+def for_each(data: Sequence[Given], opened: Sequence[Mapping[str, Any]]) -> list[Given]:
+    """Return the data of each field: one alone stands for all fields that were opened as different parts of it.
+
+    opened: the options of `sheetsplat.open` that made each field.
+    """
+    parts = {(one.get("name"), one.get("scalar")) for one in opened}
+    return [*data] * (len(opened) if len(data) == 1 and len(parts) == len(opened) else 1)
 
 
 def _no_constant(name: str) -> float:

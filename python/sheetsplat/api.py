@@ -289,23 +289,43 @@ def _coloring(opened: Opened, options: Mapping[str, Any]) -> Any:
         return given
     first = opened.fields[0]
     if len(opened.fields) > 1:
-        found, wanted = f"{shown(given)} for {len(opened.fields)} fields", "a field for each, with its function"
+        told = f"an array of shape {given.shape}" if isinstance(given, np.ndarray) else shown(given)
+        found, wanted = f"{told} for {len(opened.fields)} fields", "a field for each, with its function"
         raise complain(unusable("render: color_by"), found, wanted, "give them to sheetsplat.Scene", option="color_by")
-    if isinstance(given, os.PathLike) or isinstance(given, str) and Path(given).is_file():
+    if isinstance(given, os.PathLike) or isinstance(given, str) and Path(given).exists():
         return _only(given, _fields_of(given, {}))
     if isinstance(given, str):
         of_data = {name: one for name, one in _given(OpenOptions, options).items() if name not in ("log", "name")}
-        if _is_made(data) or isinstance(data, np.ndarray):
-            found, wanted = f"the name {shown(given)} for data without arrays of names", "a field, or numbers"
+        if _is_made(data) or isinstance(data, np.ndarray | list | tuple):
+            found = f"{shown(given)}, which is no file, for data whose arrays have no names"
+            wanted = "the path of a file, a field, or numbers"
             raise complain(unusable("render: color_by"), found, wanted, option="color_by")
         return _only(given, _fields_of(data, {**of_data, "scalar": given}))
     numbers_ = as_array("render: color_by cannot be used", given, "a field, a name, or numbers of the data's shape")
-    if isinstance(first, RegularField) and numbers_.shape == first.shape:
+    wanted_shape = first.shape if isinstance(first, RegularField) else getattr(first, "values", np.zeros(0)).shape
+    if numbers_.shape != wanted_shape:
+        found, wanted = f"an array of shape {numbers_.shape}", f"as many as the data have, {wanted_shape}"
+        raise complain(unusable("render: color_by"), found, wanted, option="color_by")
+    _require_finite(numbers_, first)
+    if isinstance(first, RegularField):
         return first.replace(numbers_, labels=False, **({} if first.given_base is not None else {"base": None}))
-    if isinstance(first, EllipsoidField) and numbers_.shape == first.values.shape:
-        return with_values(first, numbers_.astype(np.float64))
-    wanted = f"as many as the data have, {getattr(first, 'values', np.zeros(0)).shape}"
-    raise complain(unusable("render: color_by"), f"an array of shape {numbers_.shape}", wanted, option="color_by")
+    assert isinstance(first, EllipsoidField)
+    return with_values(first, numbers_.astype(np.float64))
+
+
+def _require_finite(given: np.ndarray[Any, Any], data: Field) -> None:
+    """Raise InvalidInput for infinite numbers that give colours, and for NaN unless the data may have missing ones."""
+    if given.dtype.kind != "f":
+        return
+    skips = isinstance(data, RegularField) and data.nan == "skip"
+    wrong = np.argwhere(np.isinf(given) if skips else ~np.isfinite(given))
+    if len(wrong):
+        at = wrong[0].tolist()
+        missing = bool(np.isnan(given[tuple(at)]))
+        skip = "open the data with " + option_ref("nan", "skip") + ": they keep their own colours there"
+        advice = skip if missing and isinstance(data, RegularField) else "replace it"
+        found = f"{'NaN' if missing else 'infinity'} at {at}"
+        raise complain(unusable("render: color_by"), found, "finite numbers", advice, option="color_by")
 
 
 def _only(given: object, fields: Sequence[Field]) -> Field:

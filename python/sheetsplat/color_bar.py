@@ -69,7 +69,10 @@ class ColorBar:
 
 
 def color_bars(image: Image) -> list[ColorBar]:
-    """Return the colour bars of a picture, one for each of its transfer functions and for the colours of planes."""
+    """Return the colour bars of a picture, one for each of its transfer functions and for the colours of planes.
+
+    Volumes of colours have none.
+    """
     if image.is_scalar:
         return [_bar_of_numbers(image)]
     surfaces = surfaces_of(image.recipe.options["iso_value"]) if TRAITS[image.mode].shows_surfaces else ()
@@ -77,7 +80,11 @@ def color_bars(image: Image) -> list[ColorBar]:
     giver = sum(recipe.groups)
     colors = recipe.colors or (None,) * len(recipe.groups)
     for function, count, coloring in zip(recipe.transfer_functions, recipe.groups, colors, strict=True):
-        quantity = common_quantity(recipe.fields[first : first + count])
+        fields = recipe.fields[first : first + count]
+        places, first = range(first, first + count), first + count
+        if fields[0].colored:
+            continue
+        quantity = common_quantity(fields)
         if isinstance(function, LabelColors):
             bar = _bar_of_labels(function, quantity)
         elif coloring is not None:
@@ -86,9 +93,7 @@ def color_bars(image: Image) -> list[ColorBar]:
             bar = _bar_of(coloring[1], quantity, (), has_opacity=False)
         else:
             bar = _bar_of(function, quantity, surfaces, has_opacity=TRAITS[image.mode].is_composited)
-        fields = " and ".join(map(str, range(first, first + count)))
-        bars.append((bar, f"{bar.label} of field{'s' * (count > 1)} {fields}"))
-        first += count
+        bars.append((bar, f"{bar.label} of field{'s' * (count > 1)} {' and '.join(map(str, places))}"))
     bars += [(bar, bar.label) for bar in _bars_of_planes(image)]
     alike = collections.Counter(bar.label for bar, _ in bars)
     return [replace(bar, label=longer) if alike[bar.label] > 1 else bar for bar, longer in bars]

@@ -17,7 +17,8 @@ from sheetsplat import pixels
 from sheetsplat._checks import shown
 from sheetsplat._matplotlib import module_of, require_matplotlib, wrapped
 from sheetsplat.color_bar import WORLD, ColorBar, color_bars, draw_bar
-from sheetsplat.errors import complain, unusable
+from sheetsplat.errors import complain, option_ref, unusable
+from sheetsplat.notices import warn
 from sheetsplat.options.core import checked
 from sheetsplat.options.figure import AxesOptions, FigureOptions
 from sheetsplat.quantity import Axis
@@ -141,11 +142,13 @@ def round_length(most: float) -> float:
     return next((step * power for step in (5.0, 2.0) if step * power <= most), power)
 
 
-def _labelled(image: Image, options: Mapping[str, Any]) -> list[tuple[ColorBar, str, bool]]:
+def _labelled(image: Image, asked: Mapping[str, Any], options: Mapping[str, Any]) -> list[tuple[ColorBar, str, bool]]:
     """Return the colour bars of a picture that are wanted, with their labels, and whether these may hold TeX."""
     if not options["colorbar"]:
         return []
     bars, given = color_bars(image), options["label"]
+    if not bars and asked.get("colorbar"):
+        warn(option_ref("colorbar", "true") + " changes nothing: the samples are colours, of which there is no bar")
     if given is None:
         return [(bar, bar.label, False) for bar in bars]
     if len(given) != len(bars):
@@ -161,7 +164,7 @@ def to_axes(image: Image, ax: Any, given: Mapping[str, Any]) -> Any:
     if ax is not None and not isinstance(ax, module_of("axes").Axes):
         wanted = "axes of matplotlib, or None for a new figure"
         raise complain(unusable("Image.to_axes: ax"), f"{type(ax).__name__}, {shown(ax)}", wanted)
-    bars = _labelled(image, options)
+    bars = _labelled(image, given, options)
     own = ax is None
     if own:
         _, ax = module_of("pyplot").subplots(layout="constrained")
@@ -247,7 +250,7 @@ def _figure(function: str, image: Image, given: Mapping[str, Any]) -> Iterator[A
     """Yield a function that saves a figure of a picture, cut to what is drawn; its arguments are those of `savefig`."""
     require_matplotlib()
     options = checked(function, given, FigureOptions)
-    bars = _labelled(image, options)
+    bars = _labelled(image, given, options)
     width, height = image.size
     dpi = options["dpi"]
     # Pixels that letters are high: about a thirtieth of the picture, as long as it can be read.

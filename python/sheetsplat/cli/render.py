@@ -162,8 +162,11 @@ def _of_figure(path: Path | None, options: dict[str, Any]) -> Any:
     for name, defined in definitions(FigureOptions).items():
         (spelling,) = defined.spellings
         parameter = spelling.parameter or name
-        figure[name] = options.pop(parameter) or None if spelling.multiple else options.pop(parameter)
-        if path is None and context.get_parameter_source(parameter) is ParameterSource.COMMANDLINE:
+        value = options.pop(parameter)
+        if context.get_parameter_source(parameter) is not ParameterSource.COMMANDLINE:
+            continue
+        figure[name] = value
+        if path is None:
             raise click.UsageError(f"{flags(name, spelling).partition('/')[0]} is of --figure, which is missing")
     if path is not None:
         # Before anything is drawn.

@@ -91,7 +91,7 @@ def prepare_again(
 ) -> tuple[Scene, Camera, Renderer, tuple[int, int]]:
     """Return scene, camera, renderer and size of a picture that says how it was made, from its data."""
     from sheetsplat._checks import image_size
-    from sheetsplat.describe.recipe import Recipe
+    from sheetsplat.describe.recipe import Recipe, for_each
     from sheetsplat.renderer import Renderer
 
     context = click.get_current_context()
@@ -101,15 +101,16 @@ def prepare_again(
     if own:
         raise click.UsageError(f"{path} has its own {', '.join(map(flag_of, own))}; leave out one or the other")
     recipe = Recipe.read(path)
-    if len(data) != len(recipe.fields):
+    files = for_each(data, [one.opened for one in recipe.fields])
+    if len(files) != len(recipe.fields):
         raise click.UsageError(
-            f"{path} was made of {len(recipe.fields)} files of data, not of {len(data)}; a file comes once for each of "
-            "its channels, and once more for the array that gives colours"
+            f"{path} was made of {len(recipe.fields)} files of data, not of {len(data)}; name that of each field, in "
+            "their order; one alone stands for all of its channels or arrays"
         )
     opened = {name: value for name, value in file_options(options).items() if name in given}
     if "log_floor" in given:
         opened["log"] = options["log_floor"]
-    scene = recipe.scene([one.open(file, **opened) for one, file in zip(recipe.fields, data, strict=True)])
+    scene = recipe.scene([one.open(file, **opened) for one, file in zip(recipe.fields, files, strict=True)])
     settings = {name: value for name, value in pick(RendererOptions, options).items() if name in given}
     if "effects" in settings:
         settings["effects"] = forced_effects(options["effects"])

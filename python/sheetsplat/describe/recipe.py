@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import image_size, shown
@@ -40,6 +40,7 @@ from sheetsplat.quantity import Quantity, notes_of
 from sheetsplat.scene import Scene
 from sheetsplat.transfer import TransferFunction
 
+Given = TypeVar("Given")
 #: Version of the format of the text.
 FORMAT = 1
 _MOST_FIELDS = 256
@@ -84,6 +85,8 @@ class FieldRecipe:
         Distance and weight of its ghost points, or None.
     trim
         What was left out of the data.
+    colored
+        Whether its samples are colours.
 
     Examples
     --------
@@ -97,6 +100,7 @@ class FieldRecipe:
     quantity: Quantity = Quantity()
     ghost_points: tuple[float, float] | None = None
     trim: Trim = Trim()
+    colored: bool = False
 
     @classmethod
     def of(cls, field: Field) -> FieldRecipe:
@@ -112,7 +116,8 @@ class FieldRecipe:
         ghosts = field.ghost_options if isinstance(field, EllipsoidField) else None
         # Weights that are no array of the file have no name.
         unnamed = {"weight": None} if field.weighting is not None else {}
-        return cls(kind, options, {**unnamed, **field.opened}, field.quantity, ghosts, field.trim)
+        colored = isinstance(field, RegularField) and field.colored
+        return cls(kind, options, {**unnamed, **field.opened}, field.quantity, ghosts, field.trim, colored)
 
     def kernels_of(self, field: Field) -> Field:
         """Return a volume with the kernels of the one in the picture, unless it has some of its own."""
@@ -293,6 +298,15 @@ class Recipe:
         return cls.from_json(text)
 
 
+def for_each(data: Sequence[Given], opened: Sequence[Mapping[str, Any]]) -> list[Given]:
+    """Return the data of each field: one alone stands for all fields that were opened as different parts of it.
+
+    opened: the options of `sheetsplat.open` that made each field.
+    """
+    parts = {(one.get("name"), one.get("scalar")) for one in opened}
+    return [*data] * (len(opened) if len(data) == 1 and len(parts) == len(opened) else 1)
+
+
 def _no_constant(name: str) -> float:
     raise ValueError(f"the number {name}")
 
@@ -395,8 +409,8 @@ def field_recipe_of(value: Any, before: Mapping[str, Any] | None = None) -> Fiel
     before: options of volumes that have no boundary.
     """
     with _reading("fields"):
-        # Earlier pictures left nothing out.
-        given = {"trim": {}, **value} if isinstance(value, dict) else value
+        # Earlier pictures left nothing out, and told nothing of colours.
+        given = {"trim": {}, "colored": False, **value} if isinstance(value, dict) else value
         names = tuple(one.name for one in fields(FieldRecipe))
         check_object(given, names, names)
         kind, ghosts, trim = given["kind"], given["ghost_points"], given["trim"]
@@ -413,6 +427,9 @@ def field_recipe_of(value: Any, before: Mapping[str, Any] | None = None) -> Fiel
             left_out = object_of(Trim, trim)
             if left_out.kernels and not scattered:
                 raise complain("", f"{shown(left_out.kernels)} of a {kind}", "an EllipsoidField", option="kernels")
+        if not fits(given["colored"], bool) or (given["colored"] and scattered):
+            wanted = "true or false, false for an EllipsoidField"
+            raise complain("", f"{shown(given['colored'])} of a {kind}", wanted, option="colored")
         with _reading("quantity"):
             check_object(given["quantity"])
             quantity = object_of(Quantity, given["quantity"])
@@ -421,7 +438,7 @@ def field_recipe_of(value: Any, before: Mapping[str, Any] | None = None) -> Fiel
             options = {**(before or {}), **options}
         opened = _options("opened", given["opened"], _OPENED)
         ghosts = None if ghosts is None else (float(ghosts[0]), float(ghosts[1]))
-        return FieldRecipe(kind, options, opened, quantity, ghosts, left_out)
+        return FieldRecipe(kind, options, opened, quantity, ghosts, left_out, given["colored"])
 
 
 _READERS: dict[str, Callable[[Any], Any]] = {

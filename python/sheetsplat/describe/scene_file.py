@@ -15,7 +15,7 @@ from typing import Any, Unpack
 from sheetsplat import _sheetsplat, api
 from sheetsplat._checks import file_path, shown
 from sheetsplat.camera import Camera
-from sheetsplat.describe.recipe import FieldRecipe, Recipe, field_recipe_of
+from sheetsplat.describe.recipe import FieldRecipe, Recipe, field_recipe_of, for_each
 from sheetsplat.describe.schema import (
     DEEPEST,
     LONGEST,
@@ -173,7 +173,8 @@ class SceneFile:
         picture
             The picture; ``SceneFile.of(ss.Recipe.read("x.png"), "data.nrrd")`` takes what a PNG says.
         data
-            The files that it was made of, one for each field; without them, `render` asks for the data.
+            The files that it was made of, one for each field, or the one whose channels or arrays all fields are;
+            without them, `render` asks for the data.
 
         Raises
         ------
@@ -183,7 +184,8 @@ class SceneFile:
         recipe = picture.recipe if isinstance(picture, Image) else picture
         # The description in a PNG has plain values only.
         told = json.loads(recipe.to_json())
-        paths, made, functions = _paths(data), told["fields"], told["transfer_functions"]
+        made, functions = told["fields"], told["transfer_functions"]
+        paths = for_each(_paths(data), [one["opened"] for one in made])
         if paths and len(paths) != len(made):
             found = f"{len(paths)} files for a picture of {len(made)} fields"
             raise complain("the scene cannot be written", found, "one for each field")
@@ -300,8 +302,7 @@ class SceneFile:
                 else:
                     self._check_value(section, name, value)
         with self._checking(*place):
-            if "eye" in table:
-                _camera_of(table)
+            _camera_of(table)
             if section == "data" and self.is_exact:
                 _field_recipe(table)
 
@@ -354,8 +355,7 @@ class SceneFile:
     @property
     def camera(self) -> Camera | None:
         """The camera, where the file has an eye; None where it is fitted to what is seen."""
-        table = self._tables.get("camera", {})
-        return _camera_of(table) if "eye" in table else None
+        return _camera_of(self._tables.get("camera", {}))
 
     @property
     def options(self) -> dict[str, Any]:
@@ -434,12 +434,11 @@ class SceneFile:
         """Return the data of each field: what is given, else the files."""
         own = self._data()
         if data is None:
-            missing = [number for number, one in enumerate(own) if "file" not in one]
-            if missing:
+            if not all("file" in one for one in own):
                 what = f"{self._at(('data',))}: the scene names no file of its data"
                 raise complain(what, "", "data", "give them to render, or name them: [data] file = ...")
             return list(self.files)
-        given = list(data) if isinstance(data, list | tuple) else [data]
+        given = for_each(data if isinstance(data, list | tuple) else [data], own)
         if len(given) != len(own):
             raise complain(f"{self._name} cannot be drawn", f"{len(given)} data", f"{len(own)}, one for each field")
         return given
@@ -489,8 +488,7 @@ class SceneFile:
             raise complain(f"{self._name} is an exact scene", "no transfer_function", "one", "add it to [look]")
         if isinstance(functions, str):
             functions = TransferFunction.preset(functions)
-        parts = [groups[number] for number in sorted(groups)]
-        scene = Scene(parts if len(parts) > 1 else parts[0], functions, **pick_given(SceneOptions, options))
+        scene = Scene([one for _, one in sorted(groups.items())], functions, **pick_given(SceneOptions, options))
         return scene, {name: one for name, one in options.items() if name in _OF_PICTURE}
 
     # ------------------------------------------------------------------------------------------------------- writing
@@ -500,10 +498,8 @@ class SceneFile:
 
         Raises InvalidInput for names of files that UTF-8 does not have.
         """
-        tables = dict(self._tables)
-        if any("file" in one or "grid" in one for one in self._data()):
-            moved = [self._moved(one, folder) for one in self._data()]
-            tables["data"] = moved if isinstance(tables["data"], list) else moved[0]
+        moved = [self._moved(one, folder) for one in self._data()]
+        tables = self._tables | {"data": moved if isinstance(self._tables.get("data"), list) else moved[0]}
         ordered = {name: tables[name] for name in _TOP if name in tables and tables[name] not in ({}, [])}
         try:
             return _COMMENT + document(ordered)
@@ -555,8 +551,8 @@ def _paths(data: Paths) -> list[str | os.PathLike[str]]:
     return [data] if isinstance(data, str | os.PathLike) else list(data)
 
 
-def _camera_of(table: Mapping[str, Any]) -> Camera:
-    return camera_of({"projection": "orthographic", **table}, "projection")
+def _camera_of(table: Mapping[str, Any]) -> Camera | None:
+    return camera_of({"projection": "orthographic", **table}, "projection") if "eye" in table else None
 
 
 def _camera_table(camera: Camera) -> dict[str, Any]:

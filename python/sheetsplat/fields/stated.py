@@ -45,6 +45,10 @@ class Stating:
 
     if TYPE_CHECKING:
 
+        @property
+        def has_values(self) -> bool:
+            """Whether samples are values, and neither labels nor colours."""
+
         def _with(self, **changes: Any) -> Self: ...
 
     color = Forwarded[Triple | None](
@@ -68,10 +72,14 @@ class Stating:
         Raises
         ------
         InvalidInput
-            For colours that are none, and limits that are not two finite numbers, the lower one first.
+            For colours that are none, limits that are not two finite numbers, the lower one first, and volumes of
+            labels or of colours, which have their own.
         """
         what = "RegularField: color"
         made = None if shade is None else color(what, shade)
+        if made is not None and not self.has_values:
+            found, advice = ("labels", "use with_label_colors") if self._labels else ("colours", "leave it out")
+            raise complain(unusable(what), f"a volume of {found}", "a volume of values", advice)
         if made is not None and max(made) > 1.0:
             raise complain(unusable(what), shown(shade), "red, green and blue from 0 to 1")
         limits = None if window is None else color_limits(window)

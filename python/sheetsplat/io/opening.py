@@ -336,7 +336,7 @@ def _of_volume(volume: Volume, options: Mapping[str, Any]) -> RegularField:
     quantity, channel = volume.quantity, volume.channel
     quantity = replace(quantity, name=quantity.name or channel.name)
     window = channel.window if channel.color is not None and quantity.floor is None else None
-    field = field.with_color(None if field.labels else channel.color, window)
+    field = field.with_color(channel.color if field.has_values else None, window)
     field = field.with_quantity_of_samples(quantity, volume.spacing, volume.origin, "cartesian")
     return field.with_orientation(volume.orientation)
 

@@ -366,3 +366,21 @@ def test_damaged_files_are_refused(picture, tmp_path):
 def test_a_recipe_of_no_text(text: Any) -> None:
     with pytest.raises(ss.InvalidInput, match="the description in the picture cannot be used"):
         ss.Recipe.from_json(text)
+
+
+def test_one_file_stands_for_all_its_channels_and_arrays(tmp_path):
+    rng = np.random.default_rng(2)
+    channels, table = tmp_path / "channels.npy", tmp_path / "table.csv"
+    np.save(channels, rng.integers(0, 200, (2, 8, 9, 10), np.uint8))
+    np.savetxt(table, rng.random((20, 5)), delimiter=",", header="x,y,z,value,speed", comments="")
+    for data, options in ((channels, {}), (table, {"color_by": "speed"})):
+        image = ss.render(data, size=20, backend="cpu", **options)
+        picture, again = tmp_path / "picture.png", tmp_path / "again.png"
+        image.save(picture)
+        run("render", picture, data, "-o", again)
+        assert again.read_bytes() == picture.read_bytes()
+    image = ss.render(channels, size=20, backend="cpu")
+    assert np.array_equal(ss.SceneFile.of(image, channels).render().rgba, image.rgba)
+    # Of two files neither stands for the other.
+    ss.render([ss.open(table), ss.open(table)], size=20).save(picture)
+    run("render", picture, table, "-o", again, code=2)

@@ -170,6 +170,18 @@ def test_colour_bars_of_one_name_say_whose_they_are(field, ball):
     assert color_bars(ss.render(scene, **SMALL))[0].label == "value of fields 0 and 1"
 
 
+def test_volumes_of_colours_have_no_bar(field):
+    colors = np.random.default_rng(1).integers(0, 255, (6, 6, 6, 3), np.uint8)
+    image = ss.render(colors, size=30)
+    assert color_bars(pickle.loads(pickle.dumps(image))) == []
+    plain = image.annotated(colorbar=False).size
+    with pytest.warns(ss.PictureWarning, match="colorbar=True changes nothing"):
+        assert image.annotated(colorbar=True).size == image.annotated().size == plain
+    beside = ss.render([field, ss.RegularField(colors)], size=30)
+    assert [one.label for one in color_bars(beside)] == [one.label for one in color_bars(ss.render(field, size=30))]
+    assert len(color_bars(ss.render(colors, mode="mip", size=30))) == 1
+
+
 def test_titles_and_axes_that_cannot_be_used(image, field):
     for title in ("$\\frac{$", "$", 5, ["a"]):
         for function in (image.annotated, image.to_axes):

@@ -158,8 +158,16 @@ def test_labels_are_shown_as_values_of_other_numbers():
 
 
 BAD = {
-    "name": (lambda: ss.render(BALL, color_by="density"), "without arrays of names"),
+    "name": (lambda: ss.render(BALL, color_by="density"), "no file, for data whose arrays have no names"),
     "shape": (lambda: ss.render(BALL, color_by=np.zeros(3)), "shape"),
+    "for several": (lambda: ss.render([BALL, WAVE], color_by=WAVE), r"of shape \(16, 16, 16\) for 2 fields"),
+    "missing": (lambda: ss.render(BALL, color_by=np.where(BALL > 0.9, np.nan, 1)), 'color_by .*NaN at .*nan="skip"'),
+    "infinite": (lambda: ss.render(kernels(1), color_by=np.full(60, np.inf)), r"color_by .*infinity at \[0\]"),
+    "a channel of labels": (
+        lambda: ss.RegularField(np.ones((3, 3, 3)), labels=True).with_color("red"),
+        "labels.*with_label_colors",
+    ),
+    "a channel of colours": (lambda: ss.RegularField(np.ones((3, 3, 3, 3))).with_color("red"), "leave it out"),
     "number": (lambda: ss.Scene(ss.RegularField(BALL), GREY, color_by=3), "color_by"),
     "two for one": (lambda: ss.Scene(ss.RegularField(BALL), GREY, color_by=[None, None]), "1 groups"),
     "bricks": (lambda: ss.render(ss.open_bricks(BALL, brick=8), color_by=ss.RegularField(WAVE)), "in memory"),

@@ -90,7 +90,8 @@ class Renderer {
                                              const Progress& progress = {}) const;
     /// How far light in the picture of a whole is from its definition, in two rounds over all parts, which have
     /// Part::light (light_probe.hpp). What a part shows at some of probe_pixels; then, along lines from spots that
-    /// were chosen of those of all parts, what it leaves of light; number: the part of spots (LightSpot::part) that it shows. Throws as render.
+    /// were chosen of those of all parts, what it leaves of light; number: the part of spots (LightSpot::part) that it
+    /// shows. Throws as render.
     [[nodiscard]] std::vector<LightSpot> light_spots(const Scene& part, const Camera& camera, Size size,
                                                      const std::vector<std::size_t>& numbers,
                                                      const Progress& progress = {});

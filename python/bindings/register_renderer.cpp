@@ -318,6 +318,7 @@ std::unique_ptr<LockedRenderer> make_renderer(const std::string& backend, std::o
 } // namespace
 
 void register_renderer(py::module_& module) {
+    module.attr("spot_columns") = spot_columns;
     module.def(
         "probe_pixels",
         [](std::array<int, 2> size, bool surfaces) {

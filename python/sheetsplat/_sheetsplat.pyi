@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 __version__: str
+spot_columns: int
 
 _Triple = tuple[float, float, float]
 _Corners = tuple[_Triple, _Triple]

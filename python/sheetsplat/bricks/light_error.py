@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat._sheetsplat import LightVolumes, choose_spots, light_errors, probe_pixels, thinned
+from sheetsplat._sheetsplat import LightVolumes, choose_spots, light_errors, probe_pixels, spot_columns, thinned
 from sheetsplat._waiting import asked
 from sheetsplat.bricks.draw import native_part
 from sheetsplat.bricks.light import light_of
@@ -33,8 +33,8 @@ Floats = NDArray[np.float64]
 #: Measures shadows and ambient occlusion, root mean square errors, of a picture with some opacities, (h, w).
 Measure = Callable[[NDArray[np.float32], "Progress | None"], tuple[float, float]]
 
-# Columns of tables of spots (`LightSpot` of the native part), and the one of the brick that each is in.
-_COLUMNS, _BRICK = 14, 10
+# Of tables of spots (`LightSpot` of the native part), the column of the brick that each is in.
+_BRICK = 10
 # Points of a pixel in a brick that are handed on: of more, some stand for all.
 _MOST = 128
 
@@ -119,7 +119,7 @@ def spots_of(view: BrickView, source: Any, number: int, light: LightVolumes, pro
 
 def merged_spots(_: Any, *parts: Floats) -> Floats:
     """Return the points of several bricks."""
-    return np.concatenate([np.zeros((0, _COLUMNS)), *parts])
+    return np.concatenate([np.zeros((0, spot_columns)), *parts])
 
 
 def chosen_spots(view: BrickView, probes: Probes, *parts: Floats) -> Floats:

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from chromium import missing
 from PIL import Image as Pillow
 
 import sheetsplat as ss
@@ -23,6 +24,8 @@ document.querySelector('.stage'), Math.min(window.devicePixelRatio || 1, 1.5))""
 # The panels stand beside the picture from 760 pixels on; the picture is small, so that it is drawn soon.
 SIZE = (780, 480)
 NARROW = (390, 760)
+#: Marks of tests in a browser.
+IN_BROWSER = [pytest.mark.slow, pytest.mark.skipif(bool(missing()), reason=missing() or "-")]
 
 
 def values(n=16, shift=0.0):

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import logging
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from PIL import Image as PillowImage
 from sheetsplat import _sheetsplat
 from sheetsplat.compare import compare
 from sheetsplat.image import Image, pixels_of
+from sheetsplat.renderer import Renderer
 
 OUT = Path(__file__).resolve().parents[2] / "out" / "python"
 log = logging.getLogger("image_checks")
@@ -99,3 +102,19 @@ def assert_close(
         _write(difference, folder / "difference.png", 1 / top if top > 0 else 1.0)
         pytest.fail(f"{text}, FLIP {compare(actual, expected)['flip']:.3g}; see {folder}")
     return found
+
+
+def check_random_scenes(
+    random_scene: Callable[[int], tuple[Any, Any, tuple[int, int]]], backend: str, count: int
+) -> None:
+    """Check scenes 0 ... count - 1 in one renderer, since what it keeps of one must not show in another."""
+    reference, renderer = Renderer("reference"), Renderer(backend)
+    shown = 0
+    for seed in range(count):
+        scene, camera, size = random_scene(seed)
+        expected = reference.render(scene, camera, size).rgba.astype(float)
+        off = np.abs(renderer.render(scene, camera, size).rgba - expected).max(axis=-1)
+        # Where a ray touches the end of a support, rounding decides whether that is seen.
+        assert (off > 1e-3).sum() <= 1, f"seed {seed}: {off.max():.2g} in {(off > 1e-3).sum()} pixels"
+        shown += bool(expected.any())
+    assert shown > 10

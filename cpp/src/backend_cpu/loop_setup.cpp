@@ -190,11 +190,6 @@ void sum_colors_at_points(const Job& job, LoopSetup<T>& setup, Shading<T>& shadi
         lattice.edge = kernel.edge();
         lattice.counted_from = view.field->counted_from();
         lattice.value_scale = view.value_scale;
-        const auto& [layers, rows, samples] = view.field->shape();
-        for (std::size_t row = 0; row < layers * rows && lattice.all_kernels; ++row) {
-            const SampleRange kernels = view.field->kernels_of_row(row % rows, row / rows);
-            lattice.all_kernels = kernels.begin == 0 && kernels.end == samples;
-        }
         shading.groups[number].summed_at_points = lattice;
         setup.parts[part].at_points = true;
     }

@@ -142,14 +142,12 @@ class PointSums {
             for (std::int64_t row = j.first; row < j.past; ++row) {
                 const auto of_row = hn::Set(d, of_layer * j.bells[row - j.first]);
                 const Value* from = samples + rows[row - j.first] + farther;
-                bool whole = from - samples <= last_whole;
-                if (!lattice_.all_kernels) {
-                    const SampleRange kernels = kernels_of(row, layer);
-                    whole = whole && kernels.begin <= i.first && i.past <= kernels.end;
-                }
+                const SampleRange kernels =
+                    field_.kernels_of_row(static_cast<std::size_t>(row), static_cast<std::size_t>(layer));
+                const bool whole = from - samples <= last_whole && kernels.begin <= i.first && i.past <= kernels.end;
                 HWY_ALIGN T copy[room];
                 if (!fits<Value> || HWY_UNLIKELY(!whole)) {
-                    copy_row(from, i, row, layer, copy);
+                    copy_row(from, i, kernels, copy);
                 }
                 for (int at = 0; at < room; at += narrow) {
                     const auto bell = hn::Mul(of_row, hn::Load(d, i.bells + at));
@@ -169,14 +167,9 @@ class PointSums {
         return hn::GetLane(hn::SumOfLanes(d, hn::Add(all, other))) * static_cast<T>(lattice_.value_scale);
     }
 
-    [[nodiscard]] HWY_INLINE SampleRange kernels_of(std::int64_t row, std::int64_t layer) const {
-        return field_.kernels_of_row(static_cast<std::size_t>(row), static_cast<std::size_t>(layer));
-    }
-
     /// f - b of an axis' samples in a row; 0 where none is.
     template <class Value>
-    HWY_NOINLINE void copy_row(const Value* from, const Axis& i, std::int64_t row, std::int64_t layer, T* copy) const {
-        const SampleRange kernels = kernels_of(row, layer);
+    HWY_NOINLINE void copy_row(const Value* from, const Axis& i, const SampleRange& kernels, T* copy) const {
         for (int at = 0; at < room; ++at) {
             const std::int64_t sample = i.first + at;
             const bool is_kernel = sample < i.past && sample >= kernels.begin && sample < kernels.end;

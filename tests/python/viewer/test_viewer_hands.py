@@ -8,11 +8,11 @@ import time
 import numpy as np
 import pytest
 from browser_pages import (
+    IN_BROWSER,
     LAST,
     NARROW,
     camera_of,
     complete_after,
-    fetched_rules,
     middle_of,
     open_all,
     press,
@@ -21,37 +21,14 @@ from browser_pages import (
     shown,
     tick,
     values,
-    viewed,
 )
-from chromium import Chromium, missing
 from PIL import Image as Pillow
 
 import sheetsplat as ss
 from sheetsplat.viewer.page import files
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(bool(missing()), reason=missing() or "-"),
-]
+pytestmark = IN_BROWSER
 CONTROL, SHIFT = 2, 8
-
-
-@pytest.fixture(scope="module")
-def browser():
-    made = Chromium()
-    yield made
-    made.close()
-
-
-@pytest.fixture
-def opened(browser):
-    with viewed(browser) as make:
-        yield make
-
-
-@pytest.fixture(scope="module")
-def rules(tmp_path_factory):
-    return fetched_rules(tmp_path_factory.mktemp("axe"))
 
 
 def test_keys_work_without_a_click_and_leave_fields_alone(opened):

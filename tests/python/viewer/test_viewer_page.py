@@ -9,6 +9,7 @@ import time
 import numpy as np
 import pytest
 from browser_pages import (
+    IN_BROWSER,
     LAST,
     SIZE,
     camera_of,
@@ -20,31 +21,13 @@ from browser_pages import (
     shown,
     tick,
     values,
-    viewed,
 )
-from chromium import Chromium, missing
 from PIL import Image as Pillow
 
 import sheetsplat as ss
 from sheetsplat.viewer.page import files
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(bool(missing()), reason=missing() or "-"),
-]
-
-
-@pytest.fixture(scope="module")
-def browser():
-    made = Chromium()
-    yield made
-    made.close()
-
-
-@pytest.fixture
-def opened(browser):
-    with viewed(browser) as make:
-        yield make
+pytestmark = IN_BROWSER
 
 
 def test_the_first_picture_is_that_of_render(opened):

@@ -4,34 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from browser_pages import NARROW, complete_after, fetched_rules, open_all, pixels, serious, shown, values, viewed
-from chromium import Chromium, missing
+from browser_pages import (
+    IN_BROWSER,
+    NARROW,
+    complete_after,
+    open_all,
+    pixels,
+    serious,
+    shown,
+    values,
+)
 
 import sheetsplat as ss
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(bool(missing()), reason=missing() or "-"),
-]
+pytestmark = IN_BROWSER
 RED = (1.0, 0.0, 0.0)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    made = Chromium()
-    yield made
-    made.close()
-
-
-@pytest.fixture
-def opened(browser):
-    with viewed(browser) as make:
-        yield make
-
-
-@pytest.fixture(scope="module")
-def rules(tmp_path_factory):
-    return fetched_rules(tmp_path_factory.mktemp("axe"))
 
 
 def labels(count):

@@ -43,7 +43,6 @@ struct PointLattice {
     double edge = 0.0;         ///< exp(-k)
     double counted_from = 0.0;
     double value_scale = 1.0;
-    bool all_kernels = true; ///< each sample is one
 };
 
 /// By what a group of fields is classified.

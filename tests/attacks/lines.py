@@ -281,7 +281,8 @@ def many_pages(seed: int, count: int) -> Tally:
     tally, rng = Tally(), random.Random(seed)
     with Faults() as faults, viewer() as shown:
         url = shown.url
-        start, found, lock = threading.Barrier(count), [], threading.Lock()
+        start, answered = threading.Barrier(count), threading.Barrier(count)
+        found, lock = [], threading.Lock()
 
         def page(pause: float) -> None:
             with Line(url) as line:
@@ -291,6 +292,8 @@ def many_pages(seed: int, count: int) -> Tally:
                 status = line.answer()
                 with lock:
                     found.append(status)
+                # A page that left before all were answered would let in one more.
+                answered.wait(3 * _SECONDS)
                 if status == 101:
                     line.send(frame(HELLO))
                     end = time.monotonic() + 3 * _SECONDS

@@ -15,7 +15,7 @@ def browser():
 
 
 @pytest.fixture
-def opened(browser):
+def paged(browser):
     with viewed(browser) as make:
         yield make
 

@@ -31,8 +31,8 @@ pytestmark = IN_BROWSER
 CONTROL, SHIFT = 2, 8
 
 
-def test_keys_work_without_a_click_and_leave_fields_alone(opened):
-    viewer, page = opened(values())
+def test_keys_work_without_a_click_and_leave_fields_alone(paged):
+    viewer, page = paged(values())
     number = shown(page)
     page.key("2")
     complete_after(page, number)
@@ -45,8 +45,8 @@ def test_keys_work_without_a_click_and_leave_fields_alone(opened):
     assert page.evaluate("window.sheetsplat.view.state.mode") == "isosurface" and camera_of(page) == before
 
 
-def test_keys_that_are_held_turn_on_from_where_they_are(opened):
-    _, page = opened(values(40))
+def test_keys_that_are_held_turn_on_from_where_they_are(paged):
+    _, page = paged(values(40))
     before = camera_of(page)
     for _ in range(12):
         page.key("ArrowLeft")
@@ -58,8 +58,8 @@ def test_keys_that_are_held_turn_on_from_where_they_are(opened):
     assert angle == pytest.approx(12 * 7.5, abs=0.01)
 
 
-def test_undo_and_redo_by_keys_and_buttons(opened):
-    viewer, page = opened(values())
+def test_undo_and_redo_by_keys_and_buttons(paged):
+    viewer, page = paged(values())
     at = middle_of(page, ".stage")
     first, number = camera_of(page), shown(page)
     page.drag(at, (at[0] + 80, at[1]))
@@ -79,8 +79,8 @@ def test_undo_and_redo_by_keys_and_buttons(opened):
     page.wait("window.sheetsplat.view.state.shows.box")
 
 
-def test_the_value_under_a_pointer_that_rests_comes_with_the_picture(opened):
-    _, page = opened(values(48))
+def test_the_value_under_a_pointer_that_rests_comes_with_the_picture(paged):
+    _, page = paged(values(48))
     at = middle_of(page, ".stage")
     page.mouse("mouseMoved", (at[0] + 9, at[1]))
     page.evaluate("window.sheetsplat.set({quality: 'best'})")
@@ -91,8 +91,8 @@ def test_the_value_under_a_pointer_that_rests_comes_with_the_picture(opened):
     page.wait(f"document.querySelector('.hover').textContent !== {before!r} && {LAST}")
 
 
-def test_a_picture_is_saved_as_it_is_shown(opened, tmp_path):
-    viewer, page = opened(values())
+def test_a_picture_is_saved_as_it_is_shown(paged, tmp_path):
+    viewer, page = paged(values())
     page.command("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
     open_all(page)
     page.evaluate("window.sheetsplat.set({backdrop: '#ffffff', shows: {box: true, scale: true}})")
@@ -115,8 +115,8 @@ def test_a_picture_is_saved_as_it_is_shown(opened, tmp_path):
     assert ss.Recipe.read(tmp_path / "ndarray.png").camera == viewer.camera
 
 
-def test_distances_and_angles_are_measured_with_pointer_and_keys(opened):
-    _, page = opened(values())
+def test_distances_and_angles_are_measured_with_pointer_and_keys(paged):
+    _, page = paged(values())
     x, y = middle_of(page, ".stage")
     page.key("d")
     page.click((x - 30, y))
@@ -140,8 +140,8 @@ def test_distances_and_angles_are_measured_with_pointer_and_keys(opened):
     page.wait("window.sheetsplat.view.state.measures.length === 1")
 
 
-def test_own_presets_are_kept_in_the_browser(opened):
-    viewer, page = opened(values())
+def test_own_presets_are_kept_in_the_browser(paged):
+    viewer, page = paged(values())
     number = shown(page)
     page.evaluate("window.sheetsplat.set({look: {group: 0, cmap: 'magma', range: [20, 70]}})")
     complete_after(page, number)
@@ -168,8 +168,8 @@ def test_own_presets_are_kept_in_the_browser(opened):
     assert page.evaluate("localStorage.getItem('sheetsplat-presets')") == "{}"
 
 
-def test_rules_of_accessibility_find_nothing_serious(opened, rules):
-    _, page = opened(values())
+def test_rules_of_accessibility_find_nothing_serious(paged, rules):
+    _, page = paged(values())
     assert serious(page, rules) == []
     open_all(page)
     for name in ("Ambient occlusion", "Fade with depth", "Box"):
@@ -191,8 +191,8 @@ def test_rules_of_accessibility_find_nothing_serious(opened, rules):
         assert serious(page, rules) == []
 
 
-def test_a_narrow_page_has_everything_within_its_width(opened):
-    _, page = opened(values(), size=NARROW)
+def test_a_narrow_page_has_everything_within_its_width(paged):
+    _, page = paged(values(), size=NARROW)
     open_all(page)
     beyond = page.evaluate(
         "[...document.querySelectorAll('.sheetsplat-viewer *')].filter((one) => one.offsetParent"
@@ -202,8 +202,8 @@ def test_a_narrow_page_has_everything_within_its_width(opened):
     assert page.evaluate("document.querySelector('.stage').clientHeight") > 200
 
 
-def test_all_can_be_reached_and_left_by_the_tab_key(opened):
-    _, page = opened(values())
+def test_all_can_be_reached_and_left_by_the_tab_key(paged):
+    _, page = paged(values())
     open_all(page)
     wanted = page.evaluate(
         "[...document.querySelectorAll('.sheetsplat-viewer :is(button, select, input, summary, canvas, .stage)')]"
@@ -216,8 +216,8 @@ def test_all_can_be_reached_and_left_by_the_tab_key(opened):
     assert page.evaluate("met.size") == wanted
 
 
-def test_curves_and_lights_are_changed_by_keys(opened):
-    viewer, page = opened(values())
+def test_curves_and_lights_are_changed_by_keys(paged):
+    viewer, page = paged(values())
     open_all(page)
     before = viewer.scene
     for where, keys in ((".editor", ("PageDown", "ArrowUp", "ArrowUp")), (".pad", ("ArrowLeft",))):
@@ -230,8 +230,8 @@ def test_curves_and_lights_are_changed_by_keys(opened):
     assert viewer.scene.options["lights"] != before.options["lights"]
 
 
-def test_the_page_says_that_it_draws(opened):
-    _, page = opened(values())
+def test_the_page_says_that_it_draws(paged):
+    _, page = paged(values())
     script = files.widget_script().rpartition("// The widget")[0]
     page.evaluate(
         f"(() => {{ {script}"

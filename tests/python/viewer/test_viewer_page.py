@@ -30,15 +30,15 @@ from sheetsplat.viewer.page import files
 pytestmark = IN_BROWSER
 
 
-def test_the_first_picture_is_that_of_render(opened):
-    viewer, page = opened(values())
+def test_the_first_picture_is_that_of_render(paged):
+    viewer, page = paged(values())
     found = pixels(page)
     expected = np.asarray(viewer.render(found.shape[1::-1]).rgba[..., :3])
     assert np.abs(found / 255 - np.clip(expected, 0, 1)).max() <= 0.51 / 255
 
 
-def test_hands_turn_move_enlarge_and_roll(opened):
-    viewer, page = opened(values())
+def test_hands_turn_move_enlarge_and_roll(paged):
+    viewer, page = paged(values())
     at = middle_of(page, ".stage")
     to = (at[0] + 80, at[1] + 30)
     first = camera_of(page)
@@ -85,8 +85,8 @@ def test_hands_turn_move_enlarge_and_roll(opened):
     page.wait(f"Math.abs(window.sheetsplat.view.camera.eye[0] - {wanted}) < 1e-6 && {LAST}")
 
 
-def test_two_fingers_enlarge(opened):
-    _, page = opened(values())
+def test_two_fingers_enlarge(paged):
+    _, page = paged(values())
     x, y = middle_of(page, ".stage")
     before, number = camera_of(page), shown(page)
     spread = [[{"x": x - d, "y": y, "id": 1}, {"x": x + d, "y": y, "id": 2}] for d in (40, 60, 90)]
@@ -98,8 +98,8 @@ def test_two_fingers_enlarge(opened):
     assert camera_of(page)["height"] < 0.7 * before["height"]
 
 
-def test_the_transfer_function_is_edited(opened):
-    viewer, page = opened(values(24))
+def test_the_transfer_function_is_edited(paged):
+    viewer, page = paged(values(24))
     before = viewer.scene.transfer_function
     start = page.evaluate("window.sheetsplat.view.editor.point('opacity', 1)")
     number = shown(page)
@@ -133,8 +133,8 @@ def test_the_transfer_function_is_edited(opened):
     assert viewer.scene.transfer_function == before
 
 
-def test_modes_and_panels(opened):
-    viewer, page = opened(values())
+def test_modes_and_panels(paged):
+    viewer, page = paged(values())
     page.evaluate("document.querySelectorAll('details').forEach(d => { d.open = true })")
     for key, mode in (("2", "isosurface"), ("3", "mip"), ("6", "xray"), ("1", "composite")):
         number = shown(page)
@@ -173,8 +173,8 @@ def test_modes_and_panels(opened):
     assert viewer.scene.options["clip"].box is None and not viewer.scene.options["shadows"]
 
 
-def test_hover_tells_the_value_and_the_plan_its_reasons(opened):
-    viewer, page = opened(values())
+def test_hover_tells_the_value_and_the_plan_its_reasons(paged):
+    viewer, page = paged(values())
     x, y = middle_of(page, ".stage")
     text = ""
     for _ in range(100):
@@ -191,8 +191,8 @@ def test_hover_tells_the_value_and_the_plan_its_reasons(opened):
     assert {one["name"]: one["on"] for one in rows} == {one.name: one.on for one in picked.plan.effects}
 
 
-def test_times_play(opened):
-    viewer, page = opened(None, times=[values(), values(shift=0.3), values(shift=-0.3)])
+def test_times_play(paged):
+    viewer, page = paged(None, times=[values(), values(shift=0.3), values(shift=-0.3)])
     number = shown(page)
     page.evaluate("(s => { s.value = 1; s.dispatchEvent(new Event('input')) })(document.querySelector('.times input'))")
     complete_after(page, number)
@@ -203,8 +203,8 @@ def test_times_play(opened):
     press(page, "⏸")
 
 
-def test_the_picture_is_saved(opened, browser, tmp_path):
-    viewer, page = opened(values())
+def test_the_picture_is_saved(paged, browser, tmp_path):
+    viewer, page = paged(values())
     page.command("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
     page.evaluate("document.querySelector('.stage').focus()")
     page.key("s")
@@ -215,9 +215,9 @@ def test_the_picture_is_saved(opened, browser, tmp_path):
     assert recipe.camera == viewer.camera and expected.mode == "composite"
 
 
-def test_a_film_is_saved_while_the_page_goes_on(opened, tmp_path):
+def test_a_film_is_saved_while_the_page_goes_on(paged, tmp_path):
     pytest.importorskip("imageio_ffmpeg", reason="imageio-ffmpeg is not installed")
-    viewer, page = opened(values())
+    viewer, page = paged(values())
     page.command("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
 
     def order(frames):
@@ -240,8 +240,8 @@ def test_a_film_is_saved_while_the_page_goes_on(opened, tmp_path):
     page.wait("document.querySelector('.filming').hidden")
 
 
-def test_the_picture_follows_the_window(opened):
-    viewer, page = opened(values())
+def test_the_picture_follows_the_window(paged):
+    viewer, page = paged(values())
     number = shown(page)
     page.resize((800, 500))
     complete_after(page, number)
@@ -250,8 +250,8 @@ def test_the_picture_follows_the_window(opened):
     assert width < 500 and height < 500
 
 
-def test_a_page_that_is_loaded_again_shows_the_same(opened):
-    viewer, page = opened(values())
+def test_a_page_that_is_loaded_again_shows_the_same(paged):
+    viewer, page = paged(values())
     number = shown(page)
     page.evaluate("window.sheetsplat.set({mode: 'mip'})")
     # The server has the change when its picture is there.
@@ -261,9 +261,9 @@ def test_a_page_that_is_loaded_again_shows_the_same(opened):
     assert page.evaluate("window.sheetsplat.view.state.mode") == "mip"
 
 
-def test_two_pages_show_the_same(opened):
-    viewer, one = opened(values())
-    _, other = opened(viewer=viewer)
+def test_two_pages_show_the_same(paged):
+    viewer, one = paged(values())
+    _, other = paged(viewer=viewer)
     number = shown(other)
     # A tab that is not seen draws nothing.
     one.command("Page.bringToFront")
@@ -278,8 +278,8 @@ def test_two_pages_show_the_same(opened):
     one.wait(f"Math.abs(window.sheetsplat.view.camera.eye[0] - {wanted}) < 1e-6")
 
 
-def test_a_lost_line_comes_back(opened):
-    viewer, page = opened(values())
+def test_a_lost_line_comes_back(paged):
+    viewer, page = paged(values())
     page.evaluate("window.sheetsplat.drop()")
     page.wait("document.querySelector('.lost') !== null")
     page.wait("document.querySelector('.lost') === null")
@@ -290,8 +290,8 @@ def test_a_lost_line_comes_back(opened):
     assert viewer.scene.mode == "mip"
 
 
-def test_no_older_frame_follows_a_newer_one(opened):
-    _, page = opened(values())
+def test_no_older_frame_follows_a_newer_one(paged):
+    _, page = paged(values())
     x, y = middle_of(page, ".stage")
     page.evaluate(
         "window.seen = []; setInterval(() => { const n = window.sheetsplat.view.drawn.number;"
@@ -337,8 +337,8 @@ def random_input(page, viewer, seconds, seed=1):
     return count
 
 
-def test_random_input_leaves_the_viewer_working(opened):
-    viewer, page = opened(values())
+def test_random_input_leaves_the_viewer_working(paged):
+    viewer, page = paged(values())
     page.command("Page.setDownloadBehavior", behavior="deny")
     page.evaluate("document.querySelectorAll('details').forEach(d => { d.open = true })")
     assert random_input(page, viewer, 5.0) > 5
@@ -350,8 +350,8 @@ def test_random_input_leaves_the_viewer_working(opened):
     complete_after(page, number)
 
 
-def test_a_widget_says_that_it_is_there_and_comes_again_where_it_was_forgotten(opened):
-    _, page = opened(values())
+def test_a_widget_says_that_it_is_there_and_comes_again_where_it_was_forgotten(paged):
+    _, page = paged(values())
     script = files.widget_script().rpartition("function widgetLine")[2].partition("function render")[0]
     page.evaluate(
         f"(() => {{ function widgetLine{script}"

@@ -69,8 +69,8 @@ def within_its_width(page):
     )
 
 
-def test_labels_are_switched_and_made_opaque_by_keys(opened, rules):
-    viewer, page = opened(labels(14), size=NARROW)
+def test_labels_are_switched_and_made_opaque_by_keys(paged, rules):
+    viewer, page = paged(labels(14), size=NARROW)
     open_all(page)
     assert serious(page, rules) == [] and within_its_width(page) == []
     before, after = pressed(page, "part 3", " ")
@@ -105,9 +105,9 @@ def test_labels_are_switched_and_made_opaque_by_keys(opened, rules):
     assert viewer.scene.transfer_function.names[1] == "part 1"
 
 
-def test_channels_are_switched_and_colored(opened, rules):
+def test_channels_are_switched_and_colored(paged, rules):
     fields = [ss.RegularField(values(shift=shift)).with_color(color) for shift, color in ((0.4, "cyan"), (-0.4, "red"))]
-    viewer, page = opened(fields, size=NARROW)
+    viewer, page = paged(fields, size=NARROW)
     open_all(page)
     assert serious(page, rules) == [] and within_its_width(page) == []
     names = page.evaluate("[...document.querySelectorAll('.label-row .check')].map((one) => one.textContent)")
@@ -132,10 +132,10 @@ def test_channels_are_switched_and_colored(opened, rules):
     assert pixels(page)[..., 0].max() > 200
 
 
-def test_another_array_gives_the_colors(opened, rules, tmp_path):
+def test_another_array_gives_the_colors(paged, rules, tmp_path):
     path = tmp_path / "two.npz"
     np.savez(path, density=values(), heat=np.ascontiguousarray(values(shift=0.7).T))
-    viewer, page = opened(path, size=NARROW)
+    viewer, page = paged(path, size=NARROW)
     open_all(page)
     before = pixels(page)
     chosen(page, "Array that gives the colours", "heat")
@@ -147,8 +147,8 @@ def test_another_array_gives_the_colors(opened, rules, tmp_path):
     assert np.array_equal(before, pixels(page))
 
 
-def test_slice_planes_are_moved_by_keys(opened, rules):
-    viewer, page = opened(values(), size=NARROW)
+def test_slice_planes_are_moved_by_keys(paged, rules):
+    viewer, page = paged(values(), size=NARROW)
     open_all(page)
     before, after = pressed(page, "Across x", " ")
     assert not np.array_equal(before, after)

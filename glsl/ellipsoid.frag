@@ -98,19 +98,7 @@ Sections sections(ExactPlace exact, vec4 slab, vec4 depth) {
 }
 #endif
 
-Sections sections(vec2 place, vec4 slab, vec4 depth) {
-    vec4 offset = amount.z + slab;
-    Sections r;
-    r.s = heights.x - offset * heights.y;
-    r.ax = place.x * depth - offset * heights.z;
-    r.ay = place.y * depth - offset * heights.w;
-    r.depth = depth;
-    r.ray = -heights.zw / heights.y;
-#ifdef PERSPECTIVE
-    r.ray += place * slice_spacing / heights.y;
-#endif
-    return r;
-}
+#include "lib/ellipsoid.glsl"
 
 #ifdef COMPACT
 // Four slabs next to one another, the middle of them `middle` slabs behind the record's slice. The exponent is a polynomial of the

@@ -59,15 +59,7 @@ flat out vec4 heights;      // height there, step; step of the centre in the pla
 const vec4 nowhere = vec4(2.0, 2.0, 2.0, 1.0);
 
 #ifndef SPRITE
-// Bounds of j step + l sqrt(1 - s(j)^2), the section's edge along one axis in units of its length l, over slabs j.
-vec2 edge_over(vec2 slabs, float height, float step_s, float step) {
-    float lean = step / step_s;
-    float turn = lean * inversesqrt(1.0 + lean * lean);
-    vec2 j = clamp((height + vec2(-turn, turn)) / step_s, slabs.x, slabs.y);
-    vec2 s = height - j * step_s;
-    vec2 half_width = sqrt(max(1.0 - s * s, 0.0));
-    return vec2(j.x * step - half_width.x, j.y * step + half_width.y);
-}
+#include "lib/ellipsoid_edges.glsl"
 #endif
 
 void main() {
@@ -119,7 +111,7 @@ void main() {
     vec2 unit_step = vec2(dot(along_u, step) / length_u, dot(along_v, step) / length_v);
     heights = vec4(height, step_s, unit_step);
 
-    vec2 slabs = vec2(max(since - slab_reach, (height - 1.0) / step_s), min(since + last_offset + slab_reach, (height + 1.0) / step_s));
+    vec2 slabs = slabs_met(vec2(since - slab_reach, since + last_offset + slab_reach), height, step_s);
     if (slabs.x > slabs.y) {
         gl_Position = nowhere;
         return;
@@ -130,8 +122,8 @@ void main() {
     vec2 depths = first_depth + (slabs - since) * slice_spacing;
     bool through_eye = depths.x <= 1e-6 * slice_spacing;
     depths = max(depths, vec2(1e-30));
-    edge_u = vec2(min(edge_u.x / depths.x, edge_u.x / depths.y), max(edge_u.y / depths.x, edge_u.y / depths.y));
-    edge_v = vec2(min(edge_v.x / depths.x, edge_v.x / depths.y), max(edge_v.y / depths.x, edge_v.y / depths.y));
+    edge_u = over_depths(edge_u, depths);
+    edge_v = over_depths(edge_v, depths);
 #endif
     edge_u += vec2(-1.0, 1.0) * (margin + 1e-5 * (edge_u.y - edge_u.x));
     edge_v += vec2(-1.0, 1.0) * (margin + 1e-5 * (edge_v.y - edge_v.x));

@@ -1,12 +1,13 @@
-// Adds a field that is normalised by itself to the sheet of all fields: D / max(w0, W), its derivatives, and W. [NM06] equation 20.
+// Adds a field that is divided by its own weights to the sheet of all fields.
 #include "lib/interop.h"
+#include "lib/division.glsl"
 
 uniform sampler2D sheet_front_texture;
 uniform sampler2D weight_front_texture;
 uniform float w0;
-#ifdef WEIGHT
+uniform float pivot;
+uniform float half_range;
 uniform float least_weight;
-#endif
 
 #ifdef SLOPES
 uniform sampler2D x_front_texture;
@@ -15,10 +16,6 @@ uniform sampler2D z_front_texture;
 uniform sampler2D weight_x_front_texture;
 uniform sampler2D weight_y_front_texture;
 uniform sampler2D weight_z_front_texture;
-#endif
-#ifdef PIVOT
-uniform float pivot;      // what values in D, and rho in the sheet of all fields, are less by
-uniform float half_range; // what values in D are divided by
 #endif
 
 out vec4 sheet_sum;
@@ -33,26 +30,16 @@ out vec4 weight_sum;
 
 void main() {
     ivec2 at = ivec2(gl_FragCoord.xy);
+    Division by = Division(w0, pivot, half_range, least_weight);
     vec4 weight = texelFetch(weight_front_texture, at, 0);
-    vec4 divisor = max(weight, vec4(w0));
-    vec4 quotient = texelFetch(sheet_front_texture, at, 0) / divisor;
-#ifdef PIVOT
-    sheet_sum = half_range * quotient + pivot * (min(weight / w0, 1.0) - 1.0);
-#else
-    const float pivot = 0.0;
-    const float half_range = 1.0;
-    sheet_sum = quotient;
-#endif
+    vec4 d = texelFetch(sheet_front_texture, at, 0);
+    sheet_sum = divided(by, d, weight);
 #ifdef SLOPES
-    // The derivative of (D + pivot W) / max(w0, W): w0 has none.
-    vec4 varying_part = mix(vec4(-pivot / half_range), quotient, greaterThan(weight, vec4(w0)));
-    divisor /= half_range;
-    x_sum = (texelFetch(x_front_texture, at, 0) - varying_part * texelFetch(weight_x_front_texture, at, 0)) / divisor;
-    y_sum = (texelFetch(y_front_texture, at, 0) - varying_part * texelFetch(weight_y_front_texture, at, 0)) / divisor;
-    z_sum = (texelFetch(z_front_texture, at, 0) - varying_part * texelFetch(weight_z_front_texture, at, 0)) / divisor;
+    x_sum = divided_slope(by, d, weight, texelFetch(x_front_texture, at, 0), texelFetch(weight_x_front_texture, at, 0));
+    y_sum = divided_slope(by, d, weight, texelFetch(y_front_texture, at, 0), texelFetch(weight_y_front_texture, at, 0));
+    z_sum = divided_slope(by, d, weight, texelFetch(z_front_texture, at, 0), texelFetch(weight_z_front_texture, at, 0));
 #endif
 #ifdef WEIGHT
-    // Where its weight is too small the field is empty.
-    weight_sum = mix(vec4(0.0), weight, greaterThanEqual(weight, vec4(least_weight)));
+    weight_sum = counted_weight(by, weight);
 #endif
 }

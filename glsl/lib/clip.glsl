@@ -2,7 +2,7 @@
 // slices, and so do the end of a group's fields and a part's cell; the processor finds them in float64, so that a point near a plane falls
 // to the side on which it lies. Needs first_slab. Source: conventions, sections 2, 10 and 11.
 
-bool is_in(ivec2 run, int slab) { return first_slab + slab >= run.x && first_slab + slab <= run.y; }
+bool is_in(ivec2 run, int slab) { return first_slab + array_first + slab >= run.x && first_slab + array_first + slab <= run.y; }
 #if defined(CLIP) || defined(OWNED)
 uniform isampler2D clip_texture; // of each pixel: the first slice that is kept, the last one, the first and the last that belong
 #endif

@@ -5,7 +5,7 @@ uniform float gradient_doubt; // error of a gradient, over gradient_scale, over 
 // Of an error of rho of 1: the error of the gradient at a place in the array of slabs.
 float gradient_error(float slab) {
 #ifdef PERSPECTIVE
-    float t = first_depth + slab * slice_spacing;
+    float t = depth_of(slab);
     return gradient_doubt * max(t > 0.0 ? gradient_scale.x / t : 0.0, gradient_scale.y);
 #else
     return gradient_doubt * max(gradient_scale.x, gradient_scale.y);

@@ -23,7 +23,7 @@ void gradients_at(ivec2 at, float rho[SLABS], vec2 slope, out vec3 gradient[SLAB
         vec3 change = vec3(beside[c], rho[c + 1] - rho[c - 1]);
 #endif
 #ifdef PERSPECTIVE
-        float t = first_depth + float(c) * slice_spacing;
+        float t = depth_of(float(c));
         // In front of the eye there are no slices: both differences are 0 there, and so is their quotient.
         vec2 across = t > 0.0 ? change.xy * gradient_scale.x / t : vec2(0.0);
         gradient[c] = vec3(across, dot(slope, across) - change.z * gradient_scale.y);

@@ -41,6 +41,25 @@
 #define UNIT_SLICED_STEP 2
 #define UNIT_GAUSSIAN 3
 
+// Volumes of the compute path: one unit each, from here on, and then those of their visible blocks.
+#define UNIT_LATTICES 27
+#define MOST_LATTICES 4
+// Storage buffers of the compute path.
+#define BUFFER_PARTS 0
+#define BUFFER_RECORDS 1
+#define BUFFER_ORDER 2
+#define BUFFER_BOUNDS 3
+// Images that it writes.
+#define IMAGE_PICTURE 0
+#define IMAGE_DEPTH 1
+#define IMAGE_COVERAGE 2
+#define IMAGE_ERROR 3
+#define IMAGE_DOUBT 4
+// Kernels of a leaf of the tree of bounds, and children of a node.
+#define TREE_ARITY 64
+// Samples along an edge of a block of a volume.
+#define BLOCK_EDGE 8
+
 // Vertex attributes.
 #define ATTRIBUTE_SAMPLE 0
 #define ATTRIBUTE_BOX 1

@@ -5,12 +5,12 @@
 uniform samplerBuffer volume_texture;
 uniform int volume_first[VOLUMES];  // element of the buffer that a grid begins with
 uniform vec3 volume_last[VOLUMES];  // numbers of its last elements
-uniform vec3 volume_place[VOLUMES]; // of the optical axis on the first slab of the array, in elements
+uniform vec3 volume_place[VOLUMES]; // of the optical axis on slab 0, in elements
 uniform vec3 volume_right[VOLUMES]; // what a pixel to the right comes to, one down and a slab back
 uniform vec3 volume_down[VOLUMES];
 uniform vec3 volume_back[VOLUMES];
 
-// spot: pixels to the right of the optical axis and below it (times depth in perspective), place in the array of slabs
+// spot: pixels to the right of the optical axis and below it (times depth in perspective), slab
 vec3 place_of(int volume, vec3 spot) {
     return volume_place[volume] + spot.x * volume_right[volume] + spot.y * volume_down[volume] + spot.z * volume_back[volume];
 }

@@ -26,7 +26,7 @@ uniform float full_gradient;    // g1, in the gradient's unit
 #endif
 #ifdef DEPTH_CUE
 uniform vec4 cue;               // colour, strength
-uniform vec2 cue_share;         // share of the way from start to end: of the first slab in the array, from slab to slab
+uniform vec2 cue_share;         // share of the way from start to end: of slab 0, from slab to slab
 #endif
 
 // Without lights colours count as ambient light.
@@ -40,11 +40,11 @@ uniform vec2 cue_share;         // share of the way from start to end: of the fi
 
 #ifdef VOLUMES
 vec3 spot_at(float slab) {
-    vec2 from = gl_FragCoord.xy - axis;
+    vec2 from = PLACE - axis;
 #ifdef PERSPECTIVE
-    from *= first_depth + slab * slice_spacing;
+    from *= depth_of(slab);
 #endif
-    return vec3(from, slab);
+    return vec3(from, float(array_first) + slab);
 }
 #define AND_SPOT(slab) , spot_at(slab)
 #else
@@ -54,7 +54,7 @@ vec3 spot_at(float slab) {
 #ifdef DEPTH_CUE
 // slab: place in the array, between two slabs for what lies there
 vec3 cued(vec3 color, float slab) {
-    return mix(color, cue.rgb, cue.a * clamp(cue_share.x + slab * cue_share.y, 0.0, 1.0));
+    return mix(color, cue.rgb, cue.a * clamp(cue_share.x + (float(array_first) + slab) * cue_share.y, 0.0, 1.0));
 }
 #endif
 

@@ -1,4 +1,4 @@
-// What shading passes read and write beside the sheets, and where their pixels and slabs lie. shade.frag and shade_groups.frag.
+// What is known of a pixel so far, and where its slabs lie. Needs first_slab. For lib/slices_of_one.glsl and lib/slices_of_groups.glsl.
 
 #if defined(PERSPECTIVE) || defined(VOLUMES)
 uniform vec2 axis;              // pixel of the optical axis
@@ -7,45 +7,60 @@ uniform vec2 axis;              // pixel of the optical axis
 uniform float pixel;            // slope of one pixel
 #endif
 #if defined(PERSPECTIVE) || defined(DEPTH_OUT)
-uniform float first_depth;      // of the first slab in the array
+uniform float first_depth;      // of slab 0
 uniform float slice_spacing;
 #endif
 #if defined(PREINTEGRATION) && defined(DEPTH_OUT)
-uniform int nearest_slab;       // of the array: that of the least depth that an interval reports
+uniform int nearest_slab;       // that of the least depth that an interval reports
 #endif
-#if (defined(SLOPES) && !defined(ANALYTIC)) || defined(CLIP) || defined(OWNED) || defined(ENDS) || defined(OPEN_FRONT)
-uniform int first_slab;         // of the array, counted from the first slice
+uniform int first_slab;         // what slab 0 is, counted from the first slice
+#ifdef COMPUTE
+int array_first = 0;            // what the first slab of the array is, counted from slab 0
+vec2 place_px;                  // the pixel's centre
+#define PLACE place_px
+#else
+const int array_first = 0;
+#define PLACE gl_FragCoord.xy
 #endif
-#ifdef READ_IMAGE
-uniform sampler2D image_texture;
-#ifdef DEPTH_OUT
-uniform sampler2D image_depth_texture;
-#endif
-#endif
-#ifdef COVERAGE
-uniform sampler2D image_coverage_texture;
-#endif
-#ifdef COMPENSATED
-uniform sampler2D image_error_texture;
-#endif
-#if defined(DOUBT) && defined(READ_IMAGE)
-uniform sampler2D image_doubt_texture;
+#if defined(PERSPECTIVE) || defined(DEPTH_OUT)
+// slab: place in the array, between two slabs for what lies there
+float depth_of(float slab) { return first_depth + (float(array_first) + slab) * slice_spacing; }
 #endif
 
-out vec4 image_out;
+// What slices are added to.
+struct Pixel {
+    vec4 image;
 #ifdef DEPTH_OUT
-out float depth_out;
+    float depth;
 #endif
 #ifdef COVERAGE
-out vec2 coverage_out; // sum and its rounding error
+    vec2 covered; // sum and its rounding error
 #endif
 #ifdef COMPENSATED
-out vec4 error_out;
+    vec4 error;
 #endif
 #ifdef DOUBT
-out vec4 doubt_out; // sum of squares (lib/doubt.glsl); where passes are blended, opacity in a
+    float doubt;  // sum of squares (lib/doubt.glsl)
 #endif
+};
+Pixel empty_pixel() {
+    Pixel made;
+    made.image = vec4(0.0);
+#ifdef DEPTH_OUT
+    made.depth = uintBitsToFloat(0x7F800000u);
+#endif
+#ifdef COVERAGE
+    made.covered = vec2(0.0);
+#endif
+#ifdef COMPENSATED
+    made.error = vec4(0.0);
+#endif
+#ifdef DOUBT
+    made.doubt = 0.0;
+#endif
+    return made;
+}
 
-// Slices of this pass are CENTER ... CENTER + SLICES - 1 of the array; intervals start one earlier, since their far end needs a gradient too.
+// Slices of a step are CENTER ... CENTER + SLICES - 1 of the array; intervals start one earlier, since their far end needs a gradient too.
 #define CENTER (SLABS - 1 - SLICES)
 #define INTERVAL (SLABS - 2 - SLICES)

@@ -4,13 +4,28 @@
 #ifdef GROUPS
 // Groups of fields that are classified apart have layers of the sheets: what is read is that of this group.
 int group = 0;
-#define SHEET sampler2DArray
-#define SHEET_TEXEL(sheet, at) texelFetch(sheet, ivec3(at, group), 0)
 #else
-#define SHEET sampler2D
-#define SHEET_TEXEL(sheet, at) texelFetch(sheet, at, 0)
+const int group = 0;
 #endif
 
+#ifdef COMPUTE
+// Sheets of a tile lie in shared memory (tile.comp): planes of four slabs of one sum each, those of a group after those of another.
+#define SHEET int
+#define SHEET_TEXEL_OF(sheet, at, layer) sheets[((sheet) + (layer) * PLANES) * POINTS + point_of(at)]
+#define sheet_front_texture (front_planes + PLANE_VALUE)
+#define sheet_back_texture (back_planes + PLANE_VALUE)
+#define weight_front_texture (front_planes + PLANE_WEIGHT)
+#define weight_back_texture (back_planes + PLANE_WEIGHT)
+#elif defined(GROUPS)
+#define SHEET sampler2DArray
+#define SHEET_TEXEL_OF(sheet, at, layer) texelFetch(sheet, ivec3(at, layer), 0)
+#else
+#define SHEET sampler2D
+#define SHEET_TEXEL_OF(sheet, at, layer) texelFetch(sheet, at, 0)
+#endif
+#define SHEET_TEXEL(sheet, at) SHEET_TEXEL_OF(sheet, at, group)
+
+#ifndef COMPUTE
 uniform SHEET sheet_front_texture;
 #ifdef WEIGHT
 uniform SHEET weight_front_texture;
@@ -19,6 +34,7 @@ uniform SHEET weight_front_texture;
 uniform SHEET sheet_back_texture;
 #ifdef WEIGHT
 uniform SHEET weight_back_texture;
+#endif
 #endif
 #endif
 
@@ -82,7 +98,7 @@ vec4 above_others(SHEET sheet, ivec2 at, vec4 own) {
     }
     vec4 largest = vec4(0.0);
     for (int other = set.x; other < set.y; ++other) {
-        largest = other != group ? max(largest, texelFetch(sheet, ivec3(at, other), 0)) : largest;
+        largest = other != group ? max(largest, SHEET_TEXEL_OF(sheet, at, other)) : largest;
     }
     vec4 above = own - largest;
     return mix(min(above, vec4(-1e-12)), above, greaterThan(own, vec4(0.0)));

@@ -8,6 +8,20 @@ uniform int last_slab; // of all
 #endif
 #endif
 
+#ifdef COMPUTE
+#define x_front_texture (front_planes + PLANE_SLOPES)
+#define x_back_texture (back_planes + PLANE_SLOPES)
+#define y_front_texture (front_planes + PLANE_SLOPES + 1)
+#define y_back_texture (back_planes + PLANE_SLOPES + 1)
+#define z_front_texture (front_planes + PLANE_SLOPES + 2)
+#define z_back_texture (back_planes + PLANE_SLOPES + 2)
+#define weight_x_front_texture (front_planes + PLANE_WEIGHT_SLOPES)
+#define weight_x_back_texture (back_planes + PLANE_WEIGHT_SLOPES)
+#define weight_y_front_texture (front_planes + PLANE_WEIGHT_SLOPES + 1)
+#define weight_y_back_texture (back_planes + PLANE_WEIGHT_SLOPES + 1)
+#define weight_z_front_texture (front_planes + PLANE_WEIGHT_SLOPES + 2)
+#define weight_z_back_texture (back_planes + PLANE_WEIGHT_SLOPES + 2)
+#else
 uniform SHEET x_front_texture;
 uniform SHEET y_front_texture;
 uniform SHEET z_front_texture;
@@ -25,6 +39,8 @@ uniform SHEET weight_x_back_texture;
 uniform SHEET weight_y_back_texture;
 uniform SHEET weight_z_back_texture;
 #endif
+#endif
+
 #endif
 
 #if SLABS == 8
@@ -155,7 +171,7 @@ void slopes_at(ivec2 at, float rho[SLABS], out vec3 change[SLABS]) {
 #endif
 #ifdef FINE_Z
         // At both ends of the stack one of the two neighbours is 0, and their difference exact.
-        int slab = first_slab + c;
+        int slab = first_slab + array_first + c;
         if (slab > 0 && slab < last_slab) {
             change[c].z = along[c];
         }

@@ -33,6 +33,7 @@ void register_plan(py::module_& module) {
         .def_property_readonly("precision", [](const RenderPlan& plan) { return to_string(plan.precision); })
         .def_property_readonly("packing", [](const RenderPlan& plan) { return to_string(plan.packing); })
         .def_property_readonly("tagging", [](const RenderPlan& plan) { return to_string(plan.tagging); })
+        .def_property_readonly("path", [](const RenderPlan& plan) { return to_string(plan.path); })
         .def_property_readonly("size",
                                [](const RenderPlan& plan) { return py::make_tuple(plan.size.width, plan.size.height); })
         .def_property_readonly("slice_spacing", [](const RenderPlan& plan) { return plan.slice_spacing; })

@@ -42,6 +42,8 @@ const std::map<std::string, Tagging> taggings{{"auto", Tagging::automatic},
                                               {"off", Tagging::off}};
 const std::map<std::string, Packing> packings{
     {"auto", Packing::automatic}, {"paper", Packing::paper}, {"wide", Packing::wide}};
+const std::map<std::string, Path> paths{
+    {"auto", Path::automatic}, {"raster", Path::raster}, {"compute", Path::compute}};
 
 /// Between slices: signals and the caller's callback. Taking the GIL after every slice would make threads of Python
 /// stutter, so that calls in quick succession are let through unseen.
@@ -295,7 +297,7 @@ class LockedRenderer {
 
 std::unique_ptr<LockedRenderer> make_renderer(const std::string& backend, std::optional<int> device,
                                               const std::string& precision, const std::string& tagging,
-                                              const std::string& packing, const std::map<std::string, bool>& effects,
+                                              const std::string& packing, const std::string& path, const std::map<std::string, bool>& effects,
                                               bool allow_inexact, int tile_size, int tags_per_clear, int threads,
                                               std::optional<double> max_error, std::optional<double> max_seconds) {
     RendererOptions options;
@@ -304,6 +306,7 @@ std::unique_ptr<LockedRenderer> make_renderer(const std::string& backend, std::o
     options.precision = from_name("precision", precision, precisions);
     options.tagging = from_name("tagging", tagging, taggings);
     options.packing = from_name("packing", packing, packings);
+    options.path = from_name("path", path, paths);
     options.effects = effects;
     options.allow_inexact = allow_inexact;
     options.tile_size = tile_size;
@@ -355,7 +358,7 @@ void register_renderer(py::module_& module) {
     py::class_<Stages>(module, "Stages").def_property_readonly("done", &Stages::done);
     py::class_<LockedRenderer>(module, "Renderer")
         .def(py::init(&make_renderer), py::kw_only(), py::arg("backend"), py::arg("device"), py::arg("precision"),
-             py::arg("tagging"), py::arg("packing"), py::arg("effects"), py::arg("allow_inexact"), py::arg("tile_size"),
+             py::arg("tagging"), py::arg("packing"), py::arg("path"), py::arg("effects"), py::arg("allow_inexact"), py::arg("tile_size"),
              py::arg("tags_per_clear"), py::arg("threads"), py::arg("max_error") = py::none(),
              py::arg("max_seconds") = py::none())
         .def("plan", &LockedRenderer::plan, py::arg("scene"), py::arg("camera"), py::kw_only(), py::arg("size"),

@@ -237,6 +237,8 @@ class RenderPlan:
     @property
     def tagging(self) -> str: ...
     @property
+    def path(self) -> str: ...
+    @property
     def size(self) -> tuple[int, int]: ...
     @property
     def slice_spacing(self) -> float: ...
@@ -341,6 +343,7 @@ class Renderer:
         precision: str,
         tagging: str,
         packing: str,
+        path: str,
         effects: Mapping[str, bool],
         allow_inexact: bool,
         tile_size: int,

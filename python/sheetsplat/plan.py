@@ -121,7 +121,7 @@ class RenderPlan:
 
     Attributes
     ----------
-    backend, precision, packing, tagging
+    backend, precision, packing, tagging, path
         The choice for each.
     device
         Description of the device.
@@ -166,6 +166,7 @@ class RenderPlan:
     precision: str
     packing: str
     tagging: str
+    path: str
     device: str
     size: tuple[int, int]
     slice_spacing: float
@@ -261,6 +262,7 @@ class RenderPlan:
             ("precision", self.precision),
             ("packing", self.packing),
             ("tagging", self.tagging),
+            ("path", self.path),
             ("size", f"{self.size[0]} x {self.size[1]} pixels{self._samples()}"),
             ("slices", f"{self.slices}, {self.slice_spacing:g} apart, the first is n = {self.first_slice}"),
             ("memory", f"{self.memory / 1e6:.1f} MB beside the fields"),

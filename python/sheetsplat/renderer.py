@@ -118,7 +118,7 @@ def _unused(settings: Mapping[str, Any], plan: RenderPlan) -> list[str]:
     ]
     if BACKEND_TRAITS[plan.backend].defines:
         # Values that name what it does anyway need no warning.
-        ways = {"tagging": plan.tagging, "packing": plan.packing}
+        ways = {"tagging": plan.tagging, "packing": plan.packing, "path": plan.path}
         found += [name for name, way in ways.items() if settings[name] not in ("auto", way)]
     known = {effect.name for effect in plan.effects if effect.forced}
     return found + [f"the effect {name}" for name, on in settings["effects"].items() if on and name not in known]

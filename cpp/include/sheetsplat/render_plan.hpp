@@ -12,6 +12,8 @@ namespace sheetsplat {
 
 enum class Precision { automatic, uint8, float16, float32, float64 };
 enum class Packing { automatic, paper, wide };
+/// How backend gl draws: passes of the rasteriser, or compute programs (OpenGL 4.3).
+enum class Path { automatic, raster, compute };
 enum class Tagging { automatic, depth_bounds, depth_equal, tiles, off };
 
 /// Anything that a scene may or may not call for.
@@ -46,6 +48,7 @@ struct RenderPlan {
     Precision precision = Precision::float64;
     Packing packing = Packing::wide;
     Tagging tagging = Tagging::off;
+    Path path = Path::raster; ///< of backend gl
     Size size{};
     double slice_spacing = 0.0;   ///< world units
     std::int64_t first_slice = 0; ///< n of the first slice
@@ -67,5 +70,6 @@ const char* to_string(Backend value);
 const char* to_string(Precision value);
 const char* to_string(Packing value);
 const char* to_string(Tagging value);
+const char* to_string(Path value);
 
 } // namespace sheetsplat

@@ -26,6 +26,7 @@ struct RendererOptions {
     Precision precision = Precision::automatic;
     Tagging tagging = Tagging::automatic;
     Packing packing = Packing::automatic;
+    Path path = Path::automatic;
     std::map<std::string, bool> effects{}; ///< forces single effects on or off
     bool allow_inexact = false;            ///< lets settings through that cannot keep the error bound
     int tile_size = 0;                     ///< largest edge of an image tile in pixels; 0: what the device can do

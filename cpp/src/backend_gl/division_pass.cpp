@@ -15,7 +15,7 @@ void divide_own_sheets(const TileScope& scope, std::int64_t pass) {
     const int sheet_number = scope.sheet_of(pass);
     gl.Disable(GL_DEPTH_TEST);
     gl.DepthMask(GL_FALSE);
-    ShaderVariant variant{"rectangle.vert", "resolve.frag", {{"PIVOT", "1"}}, {"sheet_sum"}};
+    ShaderVariant variant{"rectangle.vert", "resolve.frag", {}, {"sheet_sum"}};
     const bool slopes = splats_slopes(scope.plan);
     if (slopes) {
         variant.defines["SLOPES"] = "1";
@@ -26,7 +26,6 @@ void divide_own_sheets(const TileScope& scope, std::int64_t pass) {
         variant.outputs.emplace_back("weight_sum");
     }
     const gl::Program& program = scope.resources.program(variant);
-    const std::vector<Group> groups = groups_drawn(*scope.job.scene);
     for (std::size_t field = 0; field < scope.plan.own_sheets.size(); ++field) {
         const int own = scope.plan.own_sheets[field];
         if (own < 0) {
@@ -39,12 +38,11 @@ void divide_own_sheets(const TileScope& scope, std::int64_t pass) {
         program.use();
         const Sheet& sheet = targets.own_sheet(own, sheet_number);
         sheet.bind(program, "front");
-        scope.set_counting(program, field);
-        program.set("w0", static_cast<float>(scope.job.scene->fields[field]->w0()));
-        // (Of a field that is a group, shading tests it: coverage counts all weights.)
-        const std::size_t group = group_drawn_of(*scope.job.scene, field);
-        const bool alone = groups[group].last - groups[group].first == 1;
-        program.set("least_weight", alone ? 0.0F : static_cast<float>(scope.job.scene->fields[field]->least_weight()));
+        const TileScope::Division division = scope.division_of(field);
+        program.set("w0", division.w0);
+        program.set("pivot", division.pivot);
+        program.set("half_range", division.half_range);
+        program.set("least_weight", division.least_weight);
         scope.draw_targets(program);
         targets.clear_own(own, sheet_number);
     }

@@ -5,6 +5,7 @@
 
 #include "base/clock.hpp"
 #include "base/poll.hpp"
+#include "compute_tiles.hpp"
 #include "scene/mode_rules.hpp"
 #include "shader_variants.hpp"
 #include "sheetsplat/error.hpp"
@@ -129,7 +130,7 @@ void Picture::upload() {
     for (const EllipsoidPart& part : job_.ellipsoids) {
         fields.push_back(part.kernels.get());
     }
-    if (plan_.resident_sections) {
+    if (plan_.resident_sections && !plan_.compute) {
         resources_.section_pass().keep(fields);
         const std::vector<Counting> counting = counting_of(plan_, *job_.scene);
         for (const EllipsoidPart& part : job_.ellipsoids) {
@@ -164,6 +165,12 @@ const Targets& Picture::draw_tile(const Tile& tile, std::size_t number, std::siz
         return *targets;
     }
     const TileScope scope(job_, context_.api(), context_.capabilities(), resources_, hooks_, tile);
+    if (plan_.compute) {
+        ComputeTiles computed(scope, classifies() ? &classification_ : nullptr);
+        computed.run(report);
+        drawn_ += computed.drawn();
+        return scope.targets;
+    }
     TileLoop loop(scope, classifies() ? &classification_ : nullptr);
     loop.run(report);
     drawn_ += loop.splatting().drawn;

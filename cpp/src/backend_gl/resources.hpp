@@ -11,6 +11,7 @@
 #include "gl/program.hpp"
 #include "light_textures.hpp"
 #include "papers/paper_slicing.hpp"
+#include "resident_fields.hpp"
 #include "section_pass.hpp"
 #include "shader_variants.hpp"
 #include "targets.hpp"
@@ -24,6 +25,8 @@ class Resources {
 
     /// The program of a variant, compiled from the sources at its first use.
     const gl::Program& program(const ShaderVariant& variant);
+    /// The same of a compute stage (OpenGL 4.3).
+    const gl::Program& compute_program(const std::string& file, const gl::Defines& defines);
     /// The GLSL files: embedded_glsl() unless hooks bring others.
     void set_sources(const gl::SourceFiles& sources) { sources_ = &sources; }
     /// Programs that were compiled in this context, and those of them that were put to use.
@@ -33,10 +36,14 @@ class Resources {
     const Targets& targets(const TargetShape& shape);
 
     gl::Buffer samples, boxes, records, rests, rectangles;
+    /// Of the compute path, as lib/tile_scene.glsl has them.
+    gl::Buffer parts, sections, order, bounds;
+    double seconds_a_tile = 0.0; ///< of the compute path's last picture; 0: not known
     /// Made at their first use.
     SectionPass& section_pass();
     PaperSlicing& paper_slicing();
     LightTextures& light();
+    ResidentFields& fields();
     /// Of what is kept for fields and views; surfaces and buffers are not counted.
     [[nodiscard]] std::size_t bytes() const;
     /// The device has drawn all that was written to the buffers: their storage may be used again.
@@ -53,6 +60,7 @@ class Resources {
     std::unique_ptr<SectionPass> section_pass_;
     std::unique_ptr<PaperSlicing> paper_slicing_;
     std::unique_ptr<LightTextures> light_;
+    std::unique_ptr<ResidentFields> fields_;
 };
 
 } // namespace sheetsplat::backend_gl

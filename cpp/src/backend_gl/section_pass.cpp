@@ -45,7 +45,6 @@ SectionPass::Entry& SectionPass::entry_of(const std::shared_ptr<const EllipsoidF
     Entry entry;
     entry.kernels = kernels;
     entry.input = gl::Buffer(*gl_, GL_ARRAY_BUFFER);
-    entry.output = gl::Buffer(*gl_, GL_ARRAY_BUFFER);
     entry.array = gl::VertexArray(*gl_);
     const EllipsoidField& field = *kernels;
     const Vec3 middle = field.centres_world().centre();
@@ -66,11 +65,6 @@ SectionPass::Entry& SectionPass::entry_of(const std::shared_ptr<const EllipsoidF
         vertices[i] = vertex;
     }
     entry.input.unmap();
-    // Storage alone: the pass fills it.
-    static_cast<void>(
-        entry.output.map(checked_product(field.size(), sizeof(SectionRecord), "the sections on the device")));
-    entry.output.unmap();
-    entry.texture = gl::BufferTexture(*gl_, GL_RGBA32F, entry.output);
     entry.array.bind();
     entry.input.bind();
     const auto attribute = [&](GLuint location, GLint size, std::size_t offset) {
@@ -86,8 +80,30 @@ SectionPass::Entry& SectionPass::entry_of(const std::shared_ptr<const EllipsoidF
     return entries_.emplace(kernels.get(), std::move(entry)).first->second;
 }
 
+void SectionPass::make_output(Entry& entry) const {
+    if (entry.output.name() != 0) {
+        return;
+    }
+    entry.output = gl::Buffer(*gl_, GL_ARRAY_BUFFER);
+    // Storage alone: the pass fills it.
+    static_cast<void>(
+        entry.output.map(checked_product(entry.kernels->size(), sizeof(SectionRecord), "the sections on the device")));
+    entry.output.unmap();
+    entry.texture = gl::BufferTexture(*gl_, GL_RGBA32F, entry.output);
+}
+
 void SectionPass::slice(const std::shared_ptr<const EllipsoidField>& kernels, const EllipsoidView& view,
                         const Counting& counting) {
+    if (kernels->size() == 0) {
+        return;
+    }
+    Entry& entry = entry_of(kernels);
+    make_output(entry);
+    slice(kernels, view, counting, entry.output, 0);
+}
+
+void SectionPass::slice(const std::shared_ptr<const EllipsoidField>& kernels, const EllipsoidView& view,
+                        const Counting& counting, const gl::Buffer& into, std::size_t first) {
     if (kernels->size() == 0 || view.frame().slices == 0) {
         return;
     }
@@ -113,7 +129,9 @@ void SectionPass::slice(const std::shared_ptr<const EllipsoidField>& kernels, co
     pass.set("least_weight", least_drawn_weight);
     nowhere_.bind();
     entry.array.bind();
-    gl_->BindBufferBase(GL_TRANSFORM_FEEDBACK_BUFFER, 0, entry.output.name());
+    gl_->BindBufferRange(GL_TRANSFORM_FEEDBACK_BUFFER, 0, into.name(),
+                         static_cast<GLintptr>(first * sizeof(SectionRecord)),
+                         static_cast<GLsizeiptr>(kernels->size() * sizeof(SectionRecord)));
     gl_->Enable(GL_RASTERIZER_DISCARD);
     gl_->BeginTransformFeedback(GL_POINTS);
     gl_->DrawArrays(GL_POINTS, 0, static_cast<GLsizei>(kernels->size()));

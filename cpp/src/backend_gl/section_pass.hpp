@@ -20,6 +20,9 @@ class SectionPass {
     /// Slices all kernels of a view's field. `kernels` owns the field. counting: of its values.
     void slice(const std::shared_ptr<const EllipsoidField>& kernels, const EllipsoidView& view,
                const Counting& counting);
+    /// The same to a buffer of records, from number `first` on.
+    void slice(const std::shared_ptr<const EllipsoidField>& kernels, const EllipsoidView& view,
+               const Counting& counting, const gl::Buffer& into, std::size_t first);
     /// The records of the field that was sliced last, or before it, as texels of a buffer.
     [[nodiscard]] const gl::BufferTexture& records(const EllipsoidField& field) const;
     /// Gives back what belongs to other fields.
@@ -33,6 +36,8 @@ class SectionPass {
         gl::BufferTexture texture;
         gl::VertexArray array;
     };
+    /// Storage for the records of a field, made at its first use.
+    void make_output(Entry& entry) const;
     Entry& entry_of(const std::shared_ptr<const EllipsoidField>& kernels);
     [[nodiscard]] const gl::Program& program(Projection projection);
 

@@ -222,7 +222,8 @@ gl::Defines shade_defines(const DrawPlan& plan, const ShadedParts& parts, int ph
     if (!wide) {
         defines["PHASE"] = std::to_string(phase);
     }
-    const std::array<std::pair<const char*, bool>, 37> switches{{
+    const std::array<std::pair<const char*, bool>, 38> switches{{
+        {"SEVERAL", parts.several()},
         {"CLASSIFY", is_composited(plan.mode)},
         {"MODE_ISOSURFACE", shows_surfaces(plan.mode)},
         {"MODE_XRAY", traits_of(plan.mode).integrates},

@@ -70,8 +70,8 @@ struct ShadedParts {
     bool serving = false;       ///< some groups give colours to others, or are compared and not shown
     bool least_weights = false; ///< points of a group of one field are empty where W is too small
 
-    /// The fragment shader: of one group and an opaque surface, or of what there may be.
-    [[nodiscard]] const char* shader() const { return groups > 1 || surfaces > 0 ? "shade_groups.frag" : "shade.frag"; }
+    /// More than one group and one opaque surface: lib/slices_of_groups.glsl.
+    [[nodiscard]] bool several() const { return groups > 1 || surfaces > 0; }
 };
 ShadedParts shaded_parts(const Scene& scene);
 /// What lines towards lights meet in mode isosurface: sizes of the arrays of lib/light_volume.glsl.

@@ -104,6 +104,20 @@ ShadingPass::ShadingPass(const TileScope& scope, const Classification* classific
     }
 }
 
+void ShadingPass::bind_inputs(const gl::Program& program, std::int64_t pass) const {
+    const DrawPlan& plan = scope_.plan;
+    if (plan.cuts() || plan.owned) {
+        program.bind("clip_texture", kept_, UNIT_CLIP);
+    }
+    if (shaded_parts(*scope_.job.scene).ends) {
+        program.bind("end_texture", ends_, UNIT_ENDS);
+    }
+    if (plan.cut_faces) {
+        program.bind("face_texture", faces_, UNIT_FACES);
+    }
+    set_shading(program, scope_, inputs_, classification_, pass);
+}
+
 void ShadingPass::shade(const TouchedPixels& touched, std::int64_t pass) const {
     const gl::Api& gl = scope_.gl;
     const DrawPlan& plan = scope_.plan;
@@ -111,7 +125,7 @@ void ShadingPass::shade(const TouchedPixels& touched, std::int64_t pass) const {
     scope_.write_all_channels();
     const ShadedParts parts = shaded_parts(*scope_.job.scene);
     const gl::Program& program = scope_.resources.program(
-        {"rectangle.vert", parts.shader(),
+        {"rectangle.vert", "shade.frag",
          shade_defines(plan, parts, scope_.channel_of(pass), line_counts(plan, *scope_.job.scene)),
          shade_outputs(plan)});
     program.use();
@@ -121,16 +135,7 @@ void ShadingPass::shade(const TouchedPixels& touched, std::int64_t pass) const {
     } else {
         targets.sheet(1).bind(program, "front");
     }
-    if (plan.cuts() || plan.owned) {
-        program.bind("clip_texture", kept_, UNIT_CLIP);
-    }
-    if (parts.ends) {
-        program.bind("end_texture", ends_, UNIT_ENDS);
-    }
-    if (plan.cut_faces) {
-        program.bind("face_texture", faces_, UNIT_FACES);
-    }
-    set_shading(program, scope_, inputs_, classification_, pass);
+    bind_inputs(program, pass);
     if (plan.read_image) {
         // Each texel is read by the one fragment that writes it: the barrier orders passes, copies stand in where there
         // is none.

@@ -14,6 +14,8 @@ class ShadingPass {
     /// classification: null where the mode has none.
     ShadingPass(const TileScope& scope, const Classification* classification);
     void shade(const TouchedPixels& touched, std::int64_t pass) const;
+    /// Binds what the program of a pass reads beside sheets and picture, and sets its uniforms. The program is in use.
+    void bind_inputs(const gl::Program& program, std::int64_t pass) const;
 
   private:
     const TileScope& scope_;

@@ -1,4 +1,4 @@
-// The uniforms of shade.frag and shade_groups.frag: everything that the shading of a slab depends on beside the sheets.
+// The uniforms of lib/slices_of_one.glsl and lib/slices_of_groups.glsl: everything that the shading of a slab depends on beside the sheets.
 #pragma once
 
 #include "classification.hpp"

@@ -9,7 +9,7 @@ namespace sheetsplat::backend_gl {
 
 bool TargetShape::operator==(const TargetShape& other) const {
     return width == other.width && height == other.height && sheet_format == other.sheet_format && wide == other.wide &&
-           weight == other.weight && slopes == other.slopes && weight_slopes == other.weight_slopes &&
+           sheets == other.sheets &&            weight == other.weight && slopes == other.slopes && weight_slopes == other.weight_slopes &&
            shared_depth == other.shared_depth && depth == other.depth && coverage == other.coverage &&
            compensated == other.compensated && doubts == other.doubts && copies == other.copies && own == other.own &&
            groups == other.groups;
@@ -107,7 +107,7 @@ Targets::Ways Targets::make_ways(const std::vector<Sheet>& sheets, bool weight, 
 
 Targets::Targets(const gl::Api& gl, const TargetShape& shape) : gl_(&gl), shape_(shape) {
     const auto texture = [&](GLenum format) { return gl::Texture(gl, format, shape.width, shape.height); };
-    const int count = shape.wide ? 3 : 2;
+    const int count = !shape.sheets ? 0 : shape.wide ? 3 : 2;
     for (int r = 0; r < count; ++r) {
         sheets_.push_back(make_sheet(shape.weight, shape.weight_slopes, shape.groups > 1 ? shape.groups : 0));
     }
@@ -135,6 +135,9 @@ Targets::Targets(const gl::Api& gl, const TargetShape& shape) : gl_(&gl), shape_
     image_fbo_ = gl::Framebuffer(gl, attachments, tags);
     if (tags != nullptr) {
         depth_fbo_ = gl::Framebuffer(gl, {}, tags);
+    }
+    if (!shape.sheets) {
+        return;
     }
     for (int group = 0; group < shape.groups; ++group) {
         ways_.push_back(make_ways(sheets_, shape.weight, group));
@@ -262,6 +265,17 @@ void Targets::bind_so_far(const gl::Program& program) const {
             gl_->ReadBuffer(static_cast<GLenum>(GL_COLOR_ATTACHMENT0 + i));
             gl_->CopyTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, 0, 0, shape_.width, shape_.height);
         }
+    }
+}
+
+void Targets::bind_images() const {
+    for (const Picture& picture : pictures_) {
+        const int image = picture.unit == UNIT_IMAGE            ? IMAGE_PICTURE
+                          : picture.unit == UNIT_IMAGE_DEPTH    ? IMAGE_DEPTH
+                          : picture.unit == UNIT_IMAGE_COVERAGE ? IMAGE_COVERAGE
+                          : picture.unit == UNIT_IMAGE_ERROR    ? IMAGE_ERROR
+                                                                : IMAGE_DOUBT;
+        picture.now.bind_image(image);
     }
 }
 

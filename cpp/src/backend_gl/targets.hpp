@@ -15,6 +15,7 @@ struct TargetShape {
     int width = 0, height = 0; ///< with the border
     GLenum sheet_format = GL_RGBA32F;
     bool wide = true; ///< three sheets in a ring; else a splat buffer and a copy buffer
+    bool sheets = true; ///< false: tiles are computed, and only the picture has surfaces
     bool weight = false;
     bool slopes = false;        ///< changes along x, y and z beside each sheet
     bool weight_slopes = false; ///< those of the weights too, for quotients that are taken where a slab is shaded
@@ -87,6 +88,8 @@ class Targets {
     void bind_so_far(const gl::Program& program) const;
 
     [[nodiscard]] const gl::Texture& image() const { return pictures_.front().now; }
+    /// The picture, and what there is beside it, as images of the compute path: in the order of IMAGE_PICTURE ...
+    void bind_images() const;
     /// Reads a rectangle of attachment 0 (picture), 1 (depth or coverage), 2 (coverage after depth).
     void read(int attachment, int x, int y, int width, int height, GLenum format, float* out) const;
 

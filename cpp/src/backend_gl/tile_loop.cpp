@@ -10,22 +10,6 @@ namespace sheetsplat::backend_gl {
 
 namespace {
 
-/// The picture of a tile, with its border, that holds nothing but the opacity in front of a part.
-std::vector<float> in_front(const std::vector<float>& opacities, Size size, const Tile& tile) {
-    std::vector<float> rgba(4 * static_cast<std::size_t>(tile.target_width()) *
-                            static_cast<std::size_t>(tile.target_height()));
-    for (int y = 0; y < tile.height; ++y) {
-        for (int x = 0; x < tile.width; ++x) {
-            const std::size_t to =
-                static_cast<std::size_t>(y + Tile::border) * static_cast<std::size_t>(tile.target_width()) +
-                static_cast<std::size_t>(x + Tile::border);
-            rgba[4 * to + 3] = opacities[static_cast<std::size_t>(tile.y + y) * static_cast<std::size_t>(size.width) +
-                                         static_cast<std::size_t>(tile.x + x)];
-        }
-    }
-    return rgba;
-}
-
 /// Where fields have sheets of their own, those of a group hold rho.
 std::vector<float> empty_values(const TileScope& scope) {
     std::vector<float> empty;
@@ -51,11 +35,7 @@ void TileLoop::run(const std::function<void(double)>& progress) {
     const bool wide = targets.shape().wide;
     const std::int64_t passes = scope_.steps.passes;
     scope_.gl.Viewport(0, 0, scope_.tile.target_width(), scope_.tile.target_height());
-    targets.clear_all();
-    const Scene& scene = *scope_.job.scene;
-    if (scene.part && scene.part->in_front && !is_scalar(scene.mode)) {
-        targets.start_behind(in_front(*scene.part->in_front, scope_.frame.size, scope_.tile));
-    }
+    start_picture(scope_);
     // Slabs before the first one are read, but no pass divides them.
     fill_before(0);
     // Passes since something was splatted. Once no slab holds any of it, nothing is shaded until something is again.

@@ -33,6 +33,12 @@ struct TileScope {
     /// Sets what gives rho of a field's D and W in the sheets' unit.
     void set_counting(const gl::Program& program, std::size_t field) const;
 
+    /// What gives rho of a field's D and W: Division of lib/division.glsl.
+    struct Division {
+        float w0, pivot, half_range, least_weight;
+    };
+    [[nodiscard]] Division division_of(std::size_t field) const;
+
     /// Where the optical axis meets the targets, pixels.
     [[nodiscard]] double axis_x() const { return frame.axis_x - tile.x + Tile::border; }
     [[nodiscard]] double axis_y() const { return frame.axis_y - tile.y + Tile::border; }
@@ -53,6 +59,9 @@ struct TileScope {
     void write_channel(int channel) const;
     void write_all_channels() const;
 };
+
+/// Clears sheets and picture, or puts the opacity in front of a part in the picture's place.
+void start_picture(const TileScope& scope);
 
 /// Depth of what is drawn where nothing is tagged: behind opaque pixels (0), before a clear buffer (1). In normalised
 /// device coordinates.

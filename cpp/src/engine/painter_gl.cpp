@@ -34,11 +34,18 @@ class GlPainter : public Painter {
         std::vector<SlabBatches> batches;
         batches.reserve(indexed.runs.size());
         for (std::size_t part = 0; part < indexed.runs.size(); ++part) {
-            batches.push_back(SlabBatches::of(prepared.views[part], indexed.runs[part]->runs, prepared.frame,
-                                              request.scene.sampling, job.layout, plan.fine_along ? 1 : 0));
+            const RunsEntry& entry = *indexed.runs[part];
+            job.regular.push_back(
+                {prepared.view_fields[part], &prepared.views[part], nullptr, &entry.runs, entry.version});
+            if (plan.compute) {
+                drawn += entry.runs.samples();
+                continue;
+            }
+            batches.push_back(SlabBatches::of(prepared.views[part], entry.runs, prepared.frame, request.scene.sampling,
+                                              job.layout, plan.fine_along ? 1 : 0));
             drawn += batches.back().kernels();
             bytes += batches.back().bytes();
-            job.regular.push_back({prepared.view_fields[part], &prepared.views[part], &batches.back()});
+            job.regular.back().batches = &batches.back();
         }
         const int wider = plan.fine_gradient ? 1 : 0;
         const bool may_narrow = plan.packing == Packing::wide && !plan.fine_gradient;
@@ -48,13 +55,18 @@ class GlPainter : public Painter {
         traversals.reserve(views.size());
         for (std::size_t part = 0; part < views.size(); ++part) {
             const GridEntry& entry = *indexed.grids[part];
+            job.ellipsoids.push_back({prepared.ellipsoid_fields[part], entry.kernels, &views[part], nullptr,
+                                      &entry.grid, &entry.visible, entry.version});
+            if (plan.compute) {
+                drawn += entry.visible_count;
+                continue;
+            }
             traversals.push_back(CellTraversal::of(views[part], entry.grid, entry.starts.get(), entry.visible,
                                                    job.layout, wider, wider, may_narrow, setup.largest_sprite,
                                                    plan.precise_aspect));
             drawn += traversals.back().kernels();
             bytes += traversals.back().bytes();
-            job.ellipsoids.push_back(
-                {prepared.ellipsoid_fields[part], entry.kernels, &views[part], &traversals.back()});
+            job.ellipsoids.back().traversal = &traversals.back();
         }
         image.stats["seconds_view"] = seconds_since(viewing);
 

@@ -205,7 +205,8 @@ struct Switch {
     void (*off)(Capabilities&);
 };
 
-constexpr std::array<Switch, 4> switches = {{
+constexpr std::array<Switch, 5> switches = {{
+    {"compute", [](Capabilities& c) { c.compute_memory = 0; }},
     {"debug_output", [](Capabilities& c) { c.debug_output = false; }},
     {"depth_bounds", [](Capabilities& c) { c.depth_bounds = false; }},
     {"float32_blend", [](Capabilities& c) { c.float32_blend = false; }},
@@ -279,6 +280,15 @@ Capabilities read_capabilities(const Api& gl, const std::string& platform) {
     gl.GetIntegerv(GL_SUBPIXEL_BITS, &c.subpixel_bits);
     gl.GetIntegerv(GL_MAX_TEXTURE_IMAGE_UNITS, &c.max_texture_units);
     gl.GetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &c.max_buffer_texels);
+    gl.GetIntegerv(GL_MAX_3D_TEXTURE_SIZE, &c.max_volume_size);
+    if (c.at_least(4, 3) && gl.DispatchCompute != nullptr) {
+        GLint buffers = 0, images = 0;
+        gl.GetIntegerv(GL_MAX_COMPUTE_SHADER_STORAGE_BLOCKS, &buffers);
+        gl.GetIntegerv(GL_MAX_COMPUTE_IMAGE_UNIFORMS, &images);
+        if (buffers >= 4 && images >= 5) {
+            gl.GetIntegerv(GL_MAX_COMPUTE_SHARED_MEMORY_SIZE, &c.compute_memory);
+        }
+    }
     GLfloat point_sizes[2] = {1.0F, 1.0F};
     gl.GetFloatv(GL_POINT_SIZE_RANGE, point_sizes);
 

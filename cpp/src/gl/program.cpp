@@ -109,6 +109,13 @@ Program Program::capturing(const Api& gl, const SourceFiles& files, const std::s
     return program;
 }
 
+Program Program::computing(const Api& gl, const SourceFiles& files, const std::string& file, const Defines& defines,
+                           const std::string& version_line) {
+    Program program;
+    program.handle_ = linked(gl, {{GL_COMPUTE_SHADER, file}}, files, defines, version_line, [](GLuint) {});
+    return program;
+}
+
 void Program::bind(const std::string& sampler, const Texture& texture, int unit) const {
     texture.bind(unit);
     set(sampler, unit);

@@ -103,6 +103,59 @@ void Texture::bind(int unit) const {
     gl.BindTexture(target_of(layers_), name());
 }
 
+void Texture::bind_image(int unit) const {
+    handle_.api().BindImageTexture(static_cast<GLuint>(unit), name(), 0, GL_FALSE, 0, GL_READ_WRITE, internal_format_);
+}
+
+VolumeTexture::VolumeTexture(const Api& gl, GLenum internal_format, int width, int height, int depth)
+    : width_(width), height_(height), depth_(depth), internal_format_(internal_format) {
+    const Format& format = format_of(internal_format);
+    const std::string size = in_pixels(width, height) + " x " + std::to_string(depth);
+    GLint largest = 0;
+    gl.GetIntegerv(GL_MAX_3D_TEXTURE_SIZE, &largest);
+    if (std::max({width, height, depth}) > largest) {
+        throw Unsupported(Complaint{"a volume is larger than this device supports", size,
+                                    "at most " + std::to_string(largest) + " along each axis", "draw it in bricks"});
+    }
+    require_room(bytes_of(format, width, height, depth), "a volume of " + size);
+    check_errors(gl, "before a volume was made");
+    GLuint name = 0;
+    gl.GenTextures(1, &name);
+    handle_ = Handle<delete_texture>(gl, name);
+    bind_for_work(gl, GL_TEXTURE_3D, name);
+    gl.TexParameteri(GL_TEXTURE_3D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+    gl.TexParameteri(GL_TEXTURE_3D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+    gl.TexParameteri(GL_TEXTURE_3D, GL_TEXTURE_MAX_LEVEL, 0);
+    gl.TexImage3D(GL_TEXTURE_3D, 0, static_cast<GLint>(internal_format), width, height, depth, 0, format.format,
+                  format.type, nullptr);
+    const GlErrors errors = take_errors(gl);
+    if (!errors.names.empty()) {
+        throw OutOfMemory(Complaint{"the device has no memory for a volume",
+                                    std::string(format.name) + ", " + size + ": " + errors.names, "",
+                                    "draw it in bricks, or free memory of the device"});
+    }
+}
+
+void VolumeTexture::upload(int first, int count, const void* texels) const {
+    const Api& gl = handle_.api();
+    const Format& format = format_of(internal_format_);
+    bind_for_work(gl, GL_TEXTURE_3D, handle_.name());
+    gl.BindBuffer(GL_PIXEL_UNPACK_BUFFER, 0);
+    gl.PixelStorei(GL_UNPACK_ALIGNMENT, 1);
+    gl.TexSubImage3D(GL_TEXTURE_3D, 0, 0, 0, first, width_, height_, count, format.format, format.type, texels);
+    check_errors(gl, "filling a volume");
+}
+
+void VolumeTexture::bind(int unit) const {
+    const Api& gl = handle_.api();
+    gl.ActiveTexture(static_cast<GLenum>(GL_TEXTURE0 + unit));
+    gl.BindTexture(GL_TEXTURE_3D, handle_.name());
+}
+
+std::size_t VolumeTexture::bytes() const {
+    return handle_ ? bytes_of(format_of(internal_format_), width_, height_, depth_) : 0;
+}
+
 BufferTexture::BufferTexture(const Api& gl, GLenum internal_format, const Buffer& buffer) {
     GLuint name = 0;
     gl.GenTextures(1, &name);

@@ -9,7 +9,10 @@ namespace sheetsplat::gl {
 
 namespace {
 
-constexpr std::array<Format, 12> formats = {{
+constexpr std::array<Format, 15> formats = {{
+    {GL_R8, GL_RED, GL_UNSIGNED_BYTE, 1, "GL_R8"},
+    {GL_R8UI, GL_RED_INTEGER, GL_UNSIGNED_BYTE, 1, "GL_R8UI"},
+    {GL_R16, GL_RED, GL_UNSIGNED_SHORT, 2, "GL_R16"},
     {GL_RGBA8, GL_RGBA, GL_UNSIGNED_BYTE, 4, "GL_RGBA8"},
     {GL_RGBA16F, GL_RGBA, GL_HALF_FLOAT, 8, "GL_RGBA16F"},
     {GL_R32F, GL_RED, GL_FLOAT, 4, "GL_R32F"},

@@ -5,6 +5,7 @@
 #include "bounds_gl.hpp"
 #include "error_model.hpp"
 #include "parts.hpp"
+#include "plan/compute_path.hpp"
 #include "plan/limits_gl.hpp"
 #include "plan/pivot.hpp"
 #include "plan/slab_nodes.hpp"
@@ -204,6 +205,30 @@ void plan_precision(const Scene& scene, const ViewFacts& view, const RendererOpt
     effects.state(EffectId::sums, true, std::string("kernels are summed in sheets of ") + to_string(plan.precision));
 }
 
+/// Whether compute programs draw the tiles.
+void plan_path(const Scene& scene, const ViewFacts& view, const RendererOptions& options,
+               const Capabilities& capabilities, Effects& effects, DrawPlan& plan) {
+    const std::string why_not = why_not_computed(scene, view, capabilities, plan);
+    if (options.path == Path::compute && !why_not.empty()) {
+        throw Unsupported(Complaint{"the plan cannot be made", option_ref("path", "compute") + ": " + why_not,
+                                    "a scene that compute programs draw", "use " + option_ref("path", "auto"),
+                                    "path"});
+    }
+    plan.compute = why_not.empty() && options.path != Path::raster &&
+                   (options.path == Path::compute || !capabilities.software);
+    effects.state(EffectId::computed_tiles, plan.compute,
+                  options.path != Path::automatic ? std::string("path ") + to_string(options.path) + " was asked for"
+                  : !why_not.empty()              ? why_not
+                  : plan.compute ? "the device is hardware: its compute units sum kernels faster than its rasteriser"
+                                 : "software draws raster passes faster than compute programs");
+    if (plan.compute) {
+        plan.resident_sections = true;
+        plan.elimination = false;
+        plan.tagging = Tagging::off;
+        plan.points = false;
+    }
+}
+
 std::uint64_t memory_of(const Scene& scene, const ViewFacts& view, const DrawPlan& plan) {
     const bool slopes = plan.fine_gradient || plan.analytic_gradient;
     const bool wide = plan.packing == Packing::wide;
@@ -251,6 +276,7 @@ void plan_gl(const PlanInputs& inputs, Effects& effects, DrawPlan& plan) {
         effects.refuse_dropped();
     }
     plan_precision(scene, view, options, capabilities, effects, plan);
+    plan_path(scene, view, options, capabilities, effects, plan);
     if (plan.precision == Precision::float32 && !options.allow_inexact) {
         const SumFacts sums = sum_facts(scene, view, plan);
         plan.bound = bound_of(view, sums);
@@ -262,6 +288,7 @@ void plan_gl(const PlanInputs& inputs, Effects& effects, DrawPlan& plan) {
     summary.precision = plan.precision;
     summary.packing = plan.packing;
     summary.tagging = plan.tagging;
+    summary.path = plan.compute ? Path::compute : Path::raster;
     summary.device = capabilities.renderer + ", OpenGL " + capabilities.version + ", by " + capabilities.platform;
     summary.memory = memory_of(scene, view, plan);
 }

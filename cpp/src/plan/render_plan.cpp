@@ -30,6 +30,11 @@ const char* to_string(Packing value) {
     return names.at(static_cast<std::size_t>(value));
 }
 
+const char* to_string(Path value) {
+    constexpr std::array names{"auto", "raster", "compute"};
+    return names.at(static_cast<std::size_t>(value));
+}
+
 const char* to_string(Tagging value) {
     constexpr std::array names{"auto", "depth_bounds", "depth_equal", "tiles", "off"};
     return names.at(static_cast<std::size_t>(value));

@@ -13,6 +13,7 @@ from sheetsplat.options.values import POSITIVE, Special, Whole
 Precision = Literal["auto", "uint8", "float16", "float32", "float64"]
 Tagging = Literal["auto", "depth_bounds", "depth_equal", "tiles", "off"]
 Packing = Literal["auto", "paper", "wide"]
+Path = Literal["auto", "raster", "compute"]
 # Called with the finished share, from 0 to 1; False stops the rendering, any other result does not.
 Progress = Callable[[float], object]
 Output = Literal["coverage", "depth"]
@@ -101,6 +102,15 @@ class RendererSettings(TypedDict, total=False):
             'How slices share buffers: "paper", four in one, one shaded in a pass; "wide", several shaded in a pass.',
             default="auto",
             check=one_of(Packing),
+        ),
+    ]
+    path: Annotated[
+        Path,
+        Option(
+            'How backend gl draws: "raster", passes of the rasteriser as in the papers; "compute", programs of OpenGL 4.3 '
+            'that draw tile by tile. "auto": compute on graphics hardware, where it draws the scene.',
+            default="auto",
+            check=one_of(Path),
         ),
     ]
     effects: Annotated[
@@ -197,5 +207,5 @@ class RendererOptions(BackendOptions, RendererSettings, total=False):
 def unused_by(backend: str) -> list[str]:
     """Return the names of options that a backend does not use."""
     named = definitions(RendererClassOptions).items()
-    ways = [] if BACKEND_TRAITS[backend].ways else ["tagging", "packing"]
+    ways = [] if BACKEND_TRAITS[backend].ways else ["tagging", "packing", "path"]
     return ways + [name for name, option in named if option.backends and backend not in option.backends]

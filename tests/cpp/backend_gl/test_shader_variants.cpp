@@ -310,26 +310,26 @@ TEST(ShaderVariants, GroupsAndSurfacesHaveAShaderOfTheirOwn) {
     Scene scene{{}, TransferFunction({{0.0, {1.0, 1.0, 1.0}, 0.0}, {1.0, {1.0, 1.0, 1.0}, 0.5}})};
     scene.fields.assign(3, std::make_shared<RegularField>(std::vector<float>{1.0F}, std::array<std::size_t, 3>{1, 1, 1},
                                                           test::zero_boundary()));
-    EXPECT_STREQ(shaded_parts(scene).shader(), "shade.frag");
+    EXPECT_FALSE(shaded_parts(scene).several());
     scene.mode = Mode::isosurface;
     scene.iso_values = {0.5};
-    EXPECT_STREQ(shaded_parts(scene).shader(), "shade.frag");
+    EXPECT_FALSE(shaded_parts(scene).several());
     scene.iso_values = {{0.5, 0.5}};
-    EXPECT_STREQ(shaded_parts(scene).shader(), "shade_groups.frag");
+    EXPECT_TRUE(shaded_parts(scene).several());
     scene.iso_values = {0.5, 0.7};
     scene.later_groups = {{2, scene.transfer_function}};
     EXPECT_EQ(shaded_parts(scene).groups, 2U);
     EXPECT_EQ(shaded_parts(scene).surfaces, 4U);
     // In scalar modes all fields add up.
     scene.mode = Mode::average;
-    EXPECT_STREQ(shaded_parts(scene).shader(), "shade.frag");
+    EXPECT_FALSE(shaded_parts(scene).several());
     scene.mode = Mode::composite;
-    EXPECT_STREQ(shaded_parts(scene).shader(), "shade_groups.frag");
+    EXPECT_TRUE(shaded_parts(scene).several());
     const gl::Defines defines = shade_defines(plain(), shaded_parts(scene), 0);
     EXPECT_EQ(defines.at("GROUPS"), "2");
     EXPECT_EQ(defines.count("SURFACES"), 0U);
     // One group reads textures, several layers of arrays.
-    EXPECT_TRUE(mentions(decided("shade_groups.frag", defines), "group"));
+    EXPECT_TRUE(mentions(decided("shade.frag", defines), "group"));
     EXPECT_FALSE(mentions(shade_of(plain()), "group"));
 }
 

@@ -29,7 +29,9 @@ Setup set_up(const DrawPlan& plan, const Scene& scene, const Capabilities& capab
 struct RegularPart {
     std::size_t field = 0; ///< in the scene
     const FieldView* view = nullptr;
-    const SlabBatches* batches = nullptr;
+    const SlabBatches* batches = nullptr; ///< null where the plan computes tiles
+    const VisibleRuns* runs = nullptr;
+    std::uint64_t version = 0; ///< another one for other runs
 };
 
 /// Scattered ellipsoids in the scene.
@@ -37,7 +39,10 @@ struct EllipsoidPart {
     std::size_t field = 0;
     std::shared_ptr<const EllipsoidField> kernels;
     const EllipsoidView* view = nullptr;
-    const CellTraversal* traversal = nullptr;
+    const CellTraversal* traversal = nullptr; ///< null where the plan computes tiles
+    const SpatialGrid* grid = nullptr;
+    const std::vector<std::uint8_t>* visible = nullptr; ///< a flag a kernel
+    std::uint64_t version = 0;                          ///< another one for other flags
 };
 
 /// One view, ready to be drawn. Nothing is owned.

@@ -29,6 +29,8 @@ struct Capabilities {
     int max_viewport = 1024;
     int subpixel_bits = 4;               ///< of positions in the rasteriser
     int max_texture_units = 16;          ///< of the fragment stage
+    int max_volume_size = 256;           ///< of a 3D texture, along each axis
+    int compute_memory = 0;              ///< bytes that a work group shares; 0: no compute programs
     int max_buffer_texels = 65536;       ///< of a buffer texture
     std::vector<std::string> extensions; ///< of those that are used
     std::vector<std::string>

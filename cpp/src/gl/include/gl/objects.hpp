@@ -73,11 +73,32 @@ class Texture {
     void upload(GLenum format, GLenum type, const void* pixels) const;
     /// Binds it to GL_TEXTURE0 + unit.
     void bind(int unit) const;
+    /// As image number `unit` of programs that read and write it (OpenGL 4.2).
+    void bind_image(int unit) const;
     explicit operator bool() const { return static_cast<bool>(handle_); }
 
   private:
     Handle<delete_texture> handle_;
     int width_ = 0, height_ = 0, layers_ = 0;
+    GLenum internal_format_ = 0;
+};
+
+/// A 3D texture without mipmaps, for texelFetch alone. Making and filling one binds it to unit 47, as Texture does.
+class VolumeTexture {
+  public:
+    VolumeTexture() = default;
+    /// internal_format: of the table in gl/texture_formats.cpp. Throws OutOfMemory where the driver has no memory for
+    /// it, Unsupported beyond its largest size.
+    VolumeTexture(const Api& gl, GLenum internal_format, int width, int height, int depth);
+    /// Replaces layers first ... first + count - 1: tight rows of the type that glTexSubImage3D takes for the format.
+    void upload(int first, int count, const void* texels) const;
+    void bind(int unit) const;
+    [[nodiscard]] std::size_t bytes() const;
+    explicit operator bool() const { return static_cast<bool>(handle_); }
+
+  private:
+    Handle<delete_texture> handle_;
+    int width_ = 0, height_ = 0, depth_ = 0;
     GLenum internal_format_ = 0;
 };
 
@@ -109,6 +130,8 @@ class Buffer {
     Buffer() = default;
     Buffer(const Api& gl, GLenum target);
     void bind() const;
+    /// As storage buffer number `index` of programs (OpenGL 4.3).
+    void bind_storage(GLuint index) const;
     /// Grows to at least `bytes` and returns memory to write them to; unmap() hands them over. Throws OutOfMemory.
     [[nodiscard]] void* map(std::size_t bytes);
     void unmap();

@@ -26,6 +26,10 @@ class Program {
                              const Defines& defines, const std::string& version_line,
                              const std::vector<std::string>& captured);
 
+    /// A compute stage (OpenGL 4.3).
+    static Program computing(const Api& gl, const SourceFiles& files, const std::string& file, const Defines& defines,
+                             const std::string& version_line);
+
     void use() const;
     /// True once use() was called.
     [[nodiscard]] bool used() const { return used_; }

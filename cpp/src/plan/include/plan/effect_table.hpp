@@ -64,6 +64,7 @@ enum class Control : std::uint8_t {
     X(points,                  is,  no,  no, "the camera and the kernels' sizes", "kernels are drawn as point sprites instead of quads") \
     X(precise_sections,        can, no,  no, nullptr, "slender or tiny ellipsoids are placed in float64") \
     X(resident_sections,       can, no,  no, nullptr, "ellipsoids are sliced by one pass on the device, where the sections stay") \
+    X(computed_tiles,          is,  no,  no, "the renderer's path", "compute programs draw tiles whose sheets stay on the chip") \
     X(paper_slicing,           can, no,  no, nullptr, "ellipsoids are sliced and drawn step by step as in the 2006 paper, for comparison") \
     X(compensation,            can, no,  no, nullptr, "composites of very many slices carry their rounding errors along") \
     X(ray_extremes,            no,  can, no, nullptr, "rays look up rho where bounds of blocks allow a larger or smaller one, and no sheets are summed") \

@@ -96,6 +96,7 @@ struct DrawPlan {
     Tagging tagging = Tagging::off;
 
     // Splatting.
+    bool compute = false;      ///< tiles are drawn by compute programs, which keep their sheets on the chip
     bool ray_extremes = false; ///< modes mip and minimum: rays look up rho at slice points, and no sheets are summed
     Packing packing = Packing::wide;
     bool general = false;  ///< sections move or scale from slab to slab (perspective, leaning ellipsoids)

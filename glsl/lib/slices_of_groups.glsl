@@ -1,9 +1,5 @@
-// shade.frag for scenes that it does not draw: GROUPS of fields with transfer functions of their own or that end in different places, and
-// isosurfaces of several values or translucent ones. Source: conventions, sections 2 and 4 to 7.
-#include "lib/interop.h"
-#include "lib/sheets.glsl"
-#include "lib/compensated.glsl"
-#include "lib/picture.glsl"
+// lib/slices_of_one.glsl for scenes that it does not draw: GROUPS of fields with transfer functions of their own or that end in different
+// places, and isosurfaces of several values or translucent ones. Source: conventions, sections 2 and 4 to 7.
 
 #ifdef GROUPS
 #define ALL_GROUPS GROUPS
@@ -99,10 +95,9 @@ uniform vec4 iso_colors[SURFACES]; // colour, opacity of the surface
 #define FIRST CENTER
 #endif
 
-void main() {
-    ivec2 at = ivec2(gl_FragCoord.xy);
+void shade_slices(ivec2 at, inout Pixel so_far) {
 #ifdef PERSPECTIVE
-    vec2 slope = vec2(gl_FragCoord.x - axis.x, axis.y - gl_FragCoord.y) * pixel;
+    vec2 slope = vec2(PLACE.x - axis.x, axis.y - PLACE.y) * pixel;
     float slant = sqrt(1.0 + dot(slope, slope));
     vec3 view = vec3(-slope, 1.0) / slant;
 #else
@@ -175,7 +170,7 @@ void main() {
 #endif
 
 #ifdef COVERAGE
-    vec2 covered = texelFetch(image_coverage_texture, at, 0).rg;
+    vec2 covered = so_far.covered;
     for (int c = CENTER; c < CENTER + SLICES; ++c) {
 #ifdef OWNED
         if (!is_owned(runs, c)) {
@@ -195,7 +190,7 @@ void main() {
         }
         add(covered, weight * slant);
     }
-    coverage_out = covered;
+    so_far.covered = covered;
 #endif
 
 #ifdef LEAST_WEIGHT
@@ -204,19 +199,15 @@ void main() {
     }
 #endif
 
-#ifdef READ_IMAGE
-    vec4 result = texelFetch(image_texture, at, 0);
-#else
-    vec4 result = vec4(0.0);
-#endif
+    vec4 result = so_far.image;
 #ifdef DEPTH_OUT
-    float depth = texelFetch(image_depth_texture, at, 0).r;
+    float depth = so_far.depth;
 #endif
 #ifdef COMPENSATED
-    vec4 error = texelFetch(image_error_texture, at, 0);
+    vec4 error = so_far.error;
 #endif
 #ifdef DOUBT
-    float doubt = 0.0;
+    float doubt = so_far.doubt;
 #endif
 
 #ifdef SCALAR
@@ -258,7 +249,7 @@ void main() {
         }
 #endif
 #ifdef OPEN_FRONT
-        if (first_slab + c < 0) {
+        if (first_slab + array_first + c < 0) {
             continue;
         }
 #endif
@@ -303,7 +294,7 @@ void main() {
 #endif
 #ifdef DEPTH_OUT
             if (result.a < 0.5 && result.a + share >= 0.5) {
-                depth = first_depth + (float(c) + place) * slice_spacing;
+                depth = depth_of(float(c) + place);
             }
 #endif
             vec3 color = iso_colors[next].rgb;
@@ -364,7 +355,7 @@ void main() {
                 continue;
             }
 #ifdef CUT_FACES
-            face = face_of(texelFetch(face_texture, ivec3(at, g), 0), float(first_slab - first_kept[g]) + middle, tau * exponent * slant, result.a);
+            face = face_of(texelFetch(face_texture, ivec3(at, g), 0), float(first_slab + array_first - first_kept[g]) + middle, tau * exponent * slant, result.a);
 #endif
 #ifdef DOUBT
             largest_error = max(largest_error, normal_error(normal_gradient, gradient_error(middle)));
@@ -391,9 +382,9 @@ void main() {
 #ifdef DEPTH_OUT
         if (result.a < 0.5 && result.a + share >= 0.5) {
 #ifdef PREINTEGRATION
-            depth = first_depth + max(middle, float(nearest_slab)) * slice_spacing;
+            depth = depth_of(max(middle, float(nearest_slab - array_first)));
 #else
-            depth = first_depth + middle * slice_spacing;
+            depth = depth_of(middle);
 #endif
         }
 #endif
@@ -406,17 +397,13 @@ void main() {
     }
 #endif
 #ifdef DEPTH_OUT
-    depth_out = depth;
+    so_far.depth = depth;
 #endif
-    image_out = result;
+    so_far.image = result;
 #ifdef COMPENSATED
-    error_out = error;
+    so_far.error = error;
 #endif
 #ifdef DOUBT
-#ifdef READ_IMAGE
-    doubt_out = vec4(doubt + texelFetch(image_doubt_texture, at, 0).r, 0.0, 0.0, 0.0);
-#else
-    doubt_out = vec4(doubt, 0.0, 0.0, result.a);
-#endif
+    so_far.doubt = doubt;
 #endif
 }

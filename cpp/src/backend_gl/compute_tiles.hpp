@@ -1,0 +1,53 @@
+// The compute path (OpenGL 4.3): work groups draw small tiles from the first slab to the last (glsl/tile.comp), and nothing but the picture
+// is written to the device's memory.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <vector>
+
+#include "classification.hpp"
+#include "resident_fields.hpp"
+#include "shading_pass.hpp"
+#include "tile_scope.hpp"
+
+namespace sheetsplat::backend_gl {
+
+/// How the program of a picture is specialised, and what it takes of a work group's memory.
+struct TileProgram {
+    gl::Defines defines;
+    int edge = 16;  ///< points along an edge of a work group's tile
+    int border = 0; ///< of them, neighbours that gradients read on each side
+};
+
+class ComputeTiles {
+  public:
+    /// classification: null where the mode has none.
+    ComputeTiles(const TileScope& scope, const Classification* classification);
+
+    /// progress: called with the share of this tile that is done.
+    void run(const std::function<void(double)>& progress);
+    /// Kernels that were drawn.
+    [[nodiscard]] std::size_t drawn() const { return drawn_; }
+
+  private:
+    struct PartRecord;
+    /// Uploads what the device does not have yet, slices ellipsoids and bounds them.
+    void prepare();
+    [[nodiscard]] PartRecord lattice_record(const RegularPart& part, int number);
+    [[nodiscard]] PartRecord kernels_record(const EllipsoidPart& part);
+    /// What both kinds of fields have.
+    [[nodiscard]] PartRecord record_of(std::size_t field) const;
+    void find_bounds(const std::vector<PartRecord>& parts) const;
+    [[nodiscard]] TileProgram program() const;
+    /// How far kernels reach beyond their supports: slabs, pixels.
+    void set_reach(const gl::Program& program) const;
+
+    const TileScope& scope_;
+    ShadingPass shading_;
+    std::vector<const ResidentLattice*> lattices_;
+    std::size_t parts_ = 0, records_ = 0, ordered_ = 0, leaves_ = 0, drawn_ = 0;
+    bool holes_ = false;
+};
+
+} // namespace sheetsplat::backend_gl

@@ -1,0 +1,446 @@
+// Sums of kernels in four slabs at the points of a tile. For tile.comp.
+#include "lib/kernel.glsl"
+#include "lib/sections.glsl"
+#include "lib/division.glsl"
+#ifdef ELLIPSOIDS
+#include "lib/ellipsoid_edges.glsl"
+// Of the kernel that is added.
+vec4 place_at;   // centre on the record's slice: whole pixels, parts of pixels
+vec3 amount;     // value, weight, slabs from the record's slice to the first one
+vec4 unit_of_px; // columns of: pixels (times depth) -> plane of the unit sphere
+vec4 heights;    // height there, step; step of the centre in the plane of the unit sphere
+#include "lib/ellipsoid.glsl"
+#endif
+
+// Which sums a field makes beside those of its values: what it is divided by goes along where its group's sheets have none.
+#if defined(WEIGHT) || defined(DIVIDED)
+#define SUM_WEIGHTS
+#endif
+#if defined(SLOPES) && (defined(THRESHOLD) || defined(DIVIDED))
+#define SUM_WEIGHT_SLOPES
+#endif
+
+struct Sums {
+    vec4 value;
+#ifdef SUM_WEIGHTS
+    vec4 weight;
+#endif
+#ifdef SLOPES
+    vec4 slopes[3];
+#endif
+#ifdef SUM_WEIGHT_SLOPES
+    vec4 weight_slopes[3];
+#endif
+};
+Sums no_sums() {
+    Sums sums;
+    sums.value = vec4(0.0);
+#ifdef SUM_WEIGHTS
+    sums.weight = vec4(0.0);
+#endif
+    for (int n = 0; n < 3; ++n) {
+#ifdef SLOPES
+        sums.slopes[n] = vec4(0.0);
+#endif
+#ifdef SUM_WEIGHT_SLOPES
+        sums.weight_slopes[n] = vec4(0.0);
+#endif
+    }
+    return sums;
+}
+
+int my_number() { return int(gl_LocalInvocationIndex); }
+#define MY_SHEET(plane, of_group) sheets[(back_planes + (plane) + (of_group) * PLANES) * POINTS + my_number()]
+
+// Adds what a field's kernels come to to the sheets of its group.
+void add_field(int part, Sums sums) {
+    int of_group = parts[part].kind.y;
+#ifdef DIVIDED
+    if (parts[part].kind.z != 0) {
+        Division by = Division(parts[part].division.x, parts[part].division.y, parts[part].division.z, parts[part].division.w);
+#ifdef SLOPES
+        for (int n = 0; n < 3; ++n) {
+            sums.slopes[n] = divided_slope(by, sums.value, sums.weight, sums.slopes[n], sums.weight_slopes[n]);
+        }
+#endif
+        sums.value = divided(by, sums.value, sums.weight);
+        sums.weight = counted_weight(by, sums.weight);
+    }
+#endif
+    MY_SHEET(PLANE_VALUE, of_group) += sums.value;
+#ifdef WEIGHT
+    MY_SHEET(PLANE_WEIGHT, of_group) += sums.weight;
+#endif
+#ifdef SLOPES
+    for (int n = 0; n < 3; ++n) {
+        MY_SHEET(PLANE_SLOPES + n, of_group) += sums.slopes[n];
+#ifdef THRESHOLD
+        MY_SHEET(PLANE_WEIGHT_SLOPES + n, of_group) += sums.weight_slopes[n];
+#endif
+    }
+#endif
+}
+
+#ifdef ELLIPSOIDS
+uniform float slab_reach; // half a slab where slabs are averaged, and what differences over depth reach further
+uniform float margin;     // pixels by which kernels reach further
+#ifndef PERSPECTIVE
+uniform vec2 axis_px;     // where the optical axis meets the picture
+#define AXIS axis_px
+#else
+#define AXIS axis
+#endif
+
+#define LISTED (POINTS / 2)
+shared vec4 listed[4 * LISTED]; // kernels that reach the tile: place_at, amount, unit_of_px, heights
+shared uint flags[(POINTS + 31) / 32];
+shared int nodes_met[POINTS];
+shared int leaves_met[TREE_ARITY];
+
+// Numbers the threads for which `met` holds, in the order of their own numbers; returns how many there are.
+int number_those(bool met, out int number) {
+    barrier();
+    if (my_number() < (POINTS + 31) / 32) {
+        flags[my_number()] = 0u;
+    }
+    barrier();
+    if (met) {
+        atomicOr(flags[my_number() >> 5], 1u << (my_number() & 31));
+    }
+    barrier();
+    int total = 0;
+    number = 0;
+    for (int word = 0; word < (POINTS + 31) / 32; ++word) {
+        int ones = bitCount(flags[word]);
+        number += word < (my_number() >> 5) ? ones : 0;
+        total += ones;
+    }
+    number += bitCount(flags[my_number() >> 5] & ((1u << (my_number() & 31)) - 1u));
+    return total;
+}
+
+// Edges of the tile's points: left, right, upper, lower.
+vec4 tile_edges() { return vec4(tile_corner.x, tile_corner.x, tile_corner.y, tile_corner.y) + vec4(0.5, float(EDGE) - 0.5, 0.5, float(EDGE) - 0.5); }
+
+bool meets(Bound bound, int first) {
+    vec4 edges = tile_edges();
+    return bound.rectangle.x <= edges.y && bound.rectangle.y >= edges.x && bound.rectangle.z <= edges.w && bound.rectangle.w >= edges.z &&
+           bound.slabs.x <= float(first + 3) && bound.slabs.y >= float(first);
+}
+
+// Readies a kernel; false where its sections in the four slabs do not reach the tile.
+bool ready(int record, int first) {
+    vec4 place = records[4 * record];
+    vec4 along = records[4 * record + 1];
+    vec4 axes = records[4 * record + 2];
+    vec4 more = records[4 * record + 3];
+    float since = float(first) - along.x;
+    vec2 slabs = slabs_met(vec2(since - slab_reach, since + 3.0 + slab_reach), along.y, along.z);
+    if (slabs.x > slabs.y) {
+        return false;
+    }
+    float length_u = length(axes.xy);
+    float length_v = length(axes.zw);
+    vec2 along_u = axes.xy / length_u;
+    vec2 along_v = axes.zw / length_v;
+    place_at = vec4(place.xy + AXIS, place.zw);
+    amount = vec3(along.w, more.z, since);
+    // The axes are orthogonal, so that their inverse needs no determinant.
+    unit_of_px = vec4(along_u.x / length_u, along_v.x / length_v, along_u.y / length_u, along_v.y / length_v);
+    heights = vec4(along.y, along.z, dot(along_u, more.xy) / length_u, dot(along_v, more.xy) / length_v);
+    vec2 edge_u = edge_over(slabs, along.y, along.z, heights.z) * length_u;
+    vec2 edge_v = edge_over(slabs, along.y, along.z, heights.w) * length_v;
+#ifdef PERSPECTIVE
+    vec2 depths = first_depth + (along.x + slabs) * slice_spacing;
+    if (depths.x <= 1e-6 * slice_spacing) {
+        return true;
+    }
+    edge_u = over_depths(edge_u, depths);
+    edge_v = over_depths(edge_v, depths);
+#endif
+    edge_u += vec2(-1.0, 1.0) * (margin + 1e-5 * (edge_u.y - edge_u.x));
+    edge_v += vec2(-1.0, 1.0) * (margin + 1e-5 * (edge_v.y - edge_v.x));
+    // The rectangle along the section's axes and the tile: apart along one of the four directions, or they meet.
+    vec4 edges = tile_edges();
+    vec2 middle = vec2(0.5 * (edges.x + edges.y), 0.5 * (edges.z + edges.w)) - place_at.xy - place_at.zw;
+    vec2 reach = vec2(0.5 * (edges.y - edges.x), 0.5 * (edges.w - edges.z));
+    vec2 half_u = 0.5 * (edge_u.y - edge_u.x) * along_u;
+    vec2 half_v = 0.5 * (edge_v.y - edge_v.x) * along_v;
+    vec2 center = 0.5 * (edge_u.x + edge_u.y) * along_u + 0.5 * (edge_v.x + edge_v.y) * along_v;
+    vec2 away = abs(middle - center) - reach - abs(half_u) - abs(half_v);
+    vec2 slack = 1e-5 * (abs(middle) + abs(center));
+    if (any(greaterThan(away, slack))) {
+        return false;
+    }
+    float tile_u = dot(abs(along_u), reach);
+    float tile_v = dot(abs(along_v), reach);
+    float at_u = dot(middle, along_u);
+    float at_v = dot(middle, along_v);
+    float more_slack = 1e-5 * (abs(at_u) + abs(at_v));
+    return at_u + tile_u >= edge_u.x - more_slack && at_u - tile_u <= edge_u.y + more_slack && at_v + tile_v >= edge_v.x - more_slack &&
+           at_v - tile_v <= edge_v.y + more_slack;
+}
+
+void add_kernel(int number, int first, inout Sums sums) {
+    place_at = listed[4 * number];
+    amount = listed[4 * number + 1].xyz;
+    unit_of_px = listed[4 * number + 2];
+    heights = listed[4 * number + 3];
+    // Whole pixels first: the difference is exact, however far from the corner of the picture.
+    vec2 from = (place_px - place_at.xy) - place_at.zw;
+    mat2 unit = mat2(unit_of_px.xy, unit_of_px.zw);
+    const vec4 slabs = vec4(0.0, 1.0, 2.0, 3.0);
+#ifdef PERSPECTIVE
+    vec4 depths = first_depth + (float(first) + slabs) * slice_spacing;
+#else
+    const vec4 depths = vec4(1.0);
+#endif
+    Sections at = sections(unit * from, slabs, depths);
+#ifdef SLAB
+    slab_half = 0.5 * heights.y;
+    float width = falloff_root * heights.y * sqrt(1.0 + dot(at.ray, at.ray));
+    slab_nodes = width < 0.6 ? 4 : width < 1.5 ? 6 : 0;
+    slab_pieces = width < 1.5 ? 1 : 4;
+#endif
+    vec4 g = values(at);
+    sums.value += amount.x * g;
+#ifdef SUM_WEIGHTS
+    sums.weight += weights_of(amount.y, g);
+#endif
+#ifdef SLOPES
+    vec4 x, y, z;
+#ifdef ANALYTIC
+    slopes(at, 1.0, unit, heights.y, x, y, z);
+#else
+#ifdef PERSPECTIVE
+    float part_of_ray = slice_spacing / heights.y;
+#else
+    const float part_of_ray = 0.0;
+#endif
+    slopes(at, 1.0, unit, part_of_ray, heights.y, x, y, z);
+#endif
+    sums.slopes[0] += amount.x * x;
+    sums.slopes[1] += amount.x * y;
+    sums.slopes[2] += amount.x * z;
+#ifdef SUM_WEIGHT_SLOPES
+    sums.weight_slopes[0] += amount.y * x;
+    sums.weight_slopes[1] += amount.y * y;
+    sums.weight_slopes[2] += amount.y * z;
+#endif
+#endif
+}
+
+// Kernels that may reach the tile, LISTED at a time, down the tree of bounds and in its order. Returns whether any does.
+bool sum_ellipsoids(int part, int first, inout Sums sums) {
+    int first_record = parts[part].kernels.x;
+    int first_of_order = parts[part].kernels.y;
+    int kernels = parts[part].kernels.z;
+    int first_leaf = parts[part].kernels.w;
+    int leaves = parts[part].size.x;
+    int nodes = parts[part].size.y;
+    bool any_met = false;
+    for (int n = 0; n < nodes; n += POINTS) {
+        int number;
+        int node = n + my_number();
+        bool met = node < nodes && meets(bounds[first_leaf + leaves + node], first);
+        int nodes_here = number_those(met, number);
+        if (met) {
+            nodes_met[number] = node;
+        }
+        barrier();
+        for (int m = 0; m < nodes_here; ++m) {
+            int leaf = nodes_met[m] * TREE_ARITY + my_number();
+            met = my_number() < TREE_ARITY && leaf < leaves && meets(bounds[first_leaf + leaf], first);
+            int leaves_here = number_those(met, number);
+            if (met) {
+                leaves_met[number] = leaf;
+            }
+            barrier();
+            for (int k = 0; k < leaves_here * TREE_ARITY; k += LISTED) {
+                int candidate = k + my_number();
+                met = false;
+                if (my_number() < LISTED && candidate < leaves_here * TREE_ARITY) {
+                    int kernel = leaves_met[candidate / TREE_ARITY] * TREE_ARITY + candidate % TREE_ARITY;
+                    met = kernel < kernels && ready(first_record + int(order[first_of_order + kernel]), first);
+                }
+                int kernels_here = number_those(met, number);
+                if (met) {
+                    listed[4 * number] = place_at;
+                    listed[4 * number + 1] = vec4(amount, 0.0);
+                    listed[4 * number + 2] = unit_of_px;
+                    listed[4 * number + 3] = heights;
+                }
+                barrier();
+                for (int number_listed = 0; number_listed < kernels_here; ++number_listed) {
+                    add_kernel(number_listed, first, sums);
+                }
+                any_met = any_met || kernels_here > 0;
+            }
+        }
+    }
+    return any_met;
+}
+#endif
+
+#ifdef LATTICES
+uniform sampler3D lattice_textures[LATTICES];
+uniform int last_slab_of_all;
+#ifdef PERSPECTIVE
+uniform double exact_depth; // of slab 0
+uniform double exact_spacing;
+#endif
+uniform usampler3D block_textures[LATTICES]; // not 0 where a sample that is drawn reaches into a block of BLOCK_EDGE^3 samples
+
+shared ivec3 anchor_whole[PARTS]; // place of the tile's first point on the first slab among the samples: whole samples, and parts of them
+shared vec3 anchor_part[PARTS];
+shared vec3 anchor_step[PARTS];   // from slab to slab there
+shared bool any_reached;
+
+// One thread a field, in float64, so that places in the tile keep their digits.
+void anchor(int part, int first) {
+    dvec2 corner = dvec2(tile_corner) + 0.5;
+    dvec3 step = parts[part].back.xyz;
+#ifdef PERSPECTIVE
+    corner -= dvec2(axis);
+    step += corner.x * parts[part].right.xyz + corner.y * parts[part].down.xyz;
+    dvec3 place = parts[part].start.xyz + (exact_depth + double(first) * exact_spacing) * step;
+    step *= exact_spacing;
+#else
+    dvec3 place = parts[part].start.xyz + corner.x * parts[part].right.xyz + corner.y * parts[part].down.xyz + double(first) * step;
+#endif
+    dvec3 whole = clamp(floor(place), dvec3(-1e8), dvec3(1e8));
+    anchor_whole[part] = ivec3(whole);
+    anchor_part[part] = vec3(place - whole);
+    anchor_step[part] = vec3(step);
+}
+
+// Samples around a point, whose kernels are products of three Gaussians, each of which follows from the one before it. at: from the anchor.
+// Returns the sums of values and of weights.
+vec2 gathered(int part, vec3 at) {
+    float radius = parts[part].texels.z;
+    ivec3 whole = anchor_whole[part];
+    ivec3 low = max(ivec3(ceil(at - radius)), -whole);
+    ivec3 high = min(ivec3(floor(at + radius)), parts[part].size.xyz - 1 - whole);
+    vec3 from = (vec3(low) - at) / radius;
+    float pace = 1.0 / radius;
+    vec3 bell = exp2(-falloff_log2 * from * from);
+    vec3 ratio = exp2(-falloff_log2 * pace * (2.0 * from + pace));
+    float bend = exp2(-2.0 * falloff_log2 * pace * pace);
+    int textures = parts[part].kind.w;
+    vec2 scale = parts[part].texels.xy;
+    vec2 sums = vec2(0.0);
+    float bell_z = bell.z;
+    float ratio_z = ratio.z;
+    for (int k = low.z; k <= high.z; ++k) {
+        float bell_y = bell.y * bell_z;
+        float ratio_y = ratio.y;
+        for (int j = low.y; j <= high.y; ++j) {
+            if (bell_y > edge) {
+                float bell_x = bell.x * bell_y;
+                float ratio_x = ratio.x;
+                for (int i = low.x; i <= high.x; ++i) {
+                    float g = bell_x - edge;
+                    if (g > 0.0) {
+                        float value = texelFetch(lattice_textures[textures], whole + ivec3(i, j, k), 0).r;
+#ifdef HOLES
+                        if (!isnan(value)) {
+                            sums += g * vec2(value * scale.x + scale.y, 1.0);
+                        }
+#else
+                        sums += g * vec2(value * scale.x + scale.y, 1.0);
+#endif
+                    }
+                    bell_x *= ratio_x;
+                    ratio_x *= bend;
+                }
+            }
+            bell_y *= ratio_y;
+            ratio_y *= bend;
+        }
+        bell_z *= ratio_z;
+        ratio_z *= bend;
+    }
+    return sums;
+}
+
+bool sum_lattice(int part, int first, inout Sums sums) {
+    vec2 from = vec2(gl_LocalInvocationID.xy);
+    ivec3 last_block = (parts[part].size.xyz - 1) / BLOCK_EDGE;
+    bool mine = false;
+    for (int c = 0; c < 4; ++c) {
+#ifdef PERSPECTIVE
+        float depth = first_depth + float(first + c) * slice_spacing;
+        vec3 at = anchor_part[part] + float(c) * anchor_step[part] + depth * (from.x * vec3(parts[part].right.xyz) + from.y * vec3(parts[part].down.xyz));
+#else
+        vec3 at = anchor_part[part] + from.x * vec3(parts[part].right.xyz) + from.y * vec3(parts[part].down.xyz) + float(c) * anchor_step[part];
+#endif
+        ivec3 cell = anchor_whole[part] + ivec3(floor(at));
+        ivec3 block = clamp(cell / BLOCK_EDGE, ivec3(0), last_block);
+        float radius = parts[part].texels.z;
+        if (first + c <= last_slab_of_all && all(greaterThan(vec3(cell), vec3(-radius - 1.0))) && all(lessThan(vec3(cell), vec3(parts[part].size.xyz) + radius)) &&
+            texelFetch(block_textures[parts[part].kind.w], block, 0).r != 0u) {
+            vec2 both = gathered(part, at);
+            sums.value[c] = both.x * parts[part].texels.w;
+#ifdef SUM_WEIGHTS
+            sums.weight[c] = both.y > 0.0 ? max(parts[part].kernel.w * both.y, 1e-37) : 0.0;
+#endif
+            mine = true;
+        }
+    }
+    if (mine) {
+        any_reached = true;
+    }
+    barrier();
+    return any_reached;
+}
+#endif
+
+void clear_sums() {
+    for (int plane = 0; plane < SHEET_GROUPS * PLANES; ++plane) {
+        sheets[(back_planes + plane) * POINTS + my_number()] = vec4(0.0);
+    }
+}
+
+// Makes the newest slabs those that nothing reaches.
+void make_empty() {
+    clear_sums();
+    for (int part = 0; part < PARTS; ++part) {
+        add_field(part, no_sums());
+    }
+}
+
+// Sums all fields in four slabs from `first` on. Returns whether any kernel reaches the tile there.
+bool sum_slabs(int first) {
+    clear_sums();
+#ifdef LATTICES
+    if (my_number() < PARTS && parts[my_number()].kind.x != 0) {
+        anchor(my_number(), first);
+    }
+    if (my_number() == 0) {
+        any_reached = false;
+    }
+    barrier();
+#endif
+    bool any_met = false;
+    for (int part = 0; part < PARTS; ++part) {
+        falloff_log2 = parts[part].kernel.x;
+        edge = parts[part].kernel.y;
+#ifdef SLAB
+        falloff_root = parts[part].kernel.z;
+#endif
+        Sums sums = no_sums();
+#ifdef LATTICES
+        if (parts[part].kind.x != 0) {
+            any_met = sum_lattice(part, first, sums) || any_met;
+        }
+#endif
+#ifdef ELLIPSOIDS
+        if (parts[part].kind.x == 0) {
+            any_met = sum_ellipsoids(part, first, sums) || any_met;
+        }
+#endif
+        add_field(part, sums);
+    }
+    barrier();
+    return any_met;
+}

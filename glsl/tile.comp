@@ -14,8 +14,9 @@ layout(local_size_x = EDGE, local_size_y = EDGE) in;
 #endif
 // Sheets: for each group PLANES planes of four slabs a point, twice, for the newest four slabs and those before them.
 shared vec4 sheets[2 * SHEET_GROUPS * PLANES * POINTS];
-int front_planes, back_planes;
-ivec2 tile_corner; // pixel of the tile's first point
+int front_planes = 0;
+int back_planes = 0;
+ivec2 tile_corner = ivec2(0); // pixel of the tile's first point
 int point_of(ivec2 at) { return (at.y - tile_corner.y) * EDGE + at.x - tile_corner.x; }
 
 #include "lib/sheets.glsl"

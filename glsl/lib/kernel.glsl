@@ -3,12 +3,12 @@
 // All return g without the gain 1 / (1 - exp(-k)), which is part of the value.
 
 #ifdef COMPUTE
-#define OF_FIELD
+#define OF_FIELD(number) number = 0.0;
 #else
-#define OF_FIELD uniform
+#define OF_FIELD(number) uniform number;
 #endif
-OF_FIELD float falloff_log2; // k log2(e)
-OF_FIELD float edge;         // exp(-k)
+OF_FIELD(float falloff_log2) // k log2(e)
+OF_FIELD(float edge)         // exp(-k)
 
 vec4 kernel_at(vec4 s, vec4 ax, vec4 ay) {
     return max(exp2(-falloff_log2 * (s * s + ax * ax + ay * ay)) - edge, 0.0);
@@ -26,14 +26,15 @@ vec4 weights_of(float weight, vec4 g) {
 #ifdef COMPUTE
 #define SLAB_NODES slab_nodes
 #define SLAB_PIECES slab_pieces
-int slab_nodes, slab_pieces; // each kernel has its own
+int slab_nodes = 0;  // each kernel has its own
+int slab_pieces = 1;
 #endif
 #if defined(ELLIPSOID) || defined(COMPUTE)
 float slab_half = 0.0;      // half a slice spacing over the half-depth h: each kernel has its own
 #else
 uniform float slab_half;    // half a slice spacing over the half-depth h
 #endif
-OF_FIELD float falloff_root; // sqrt(k)
+OF_FIELD(float falloff_root) // sqrt(k)
 
 // Abramowitz and Stegun 7.1.26: below 1.5e-7 off.
 vec4 error_function(vec4 x) {

@@ -16,7 +16,7 @@ uniform int nearest_slab;       // that of the least depth that an interval repo
 uniform int first_slab;         // what slab 0 is, counted from the first slice
 #ifdef COMPUTE
 int array_first = 0;            // what the first slab of the array is, counted from slab 0
-vec2 place_px;                  // the pixel's centre
+vec2 place_px = vec2(0.0);      // the pixel's centre
 #define PLACE place_px
 #else
 const int array_first = 0;

@@ -5,10 +5,10 @@
 #ifdef ELLIPSOIDS
 #include "lib/ellipsoid_edges.glsl"
 // Of the kernel that is added.
-vec4 place_at;   // centre on the record's slice: whole pixels, parts of pixels
-vec3 amount;     // value, weight, slabs from the record's slice to the first one
-vec4 unit_of_px; // columns of: pixels (times depth) -> plane of the unit sphere
-vec4 heights;    // height there, step; step of the centre in the plane of the unit sphere
+vec4 place_at = vec4(0.0);   // centre on the record's slice: whole pixels, parts of pixels
+vec3 amount = vec3(0.0);     // value, weight, slabs from the record's slice to the first one
+vec4 unit_of_px = vec4(0.0); // columns of: pixels (times depth) -> plane of the unit sphere
+vec4 heights = vec4(0.0);    // height there, step; step of the centre in the plane of the unit sphere
 #include "lib/ellipsoid.glsl"
 #endif
 
@@ -314,6 +314,36 @@ void anchor(int part, int first) {
     anchor_step[part] = vec3(step);
 }
 
+// Of one lattice: some drivers read the first of an array of samplers whatever the index, unless it is a constant.
+#define OF_TEXTURES(number, fetched) \
+    if (textures == number) { \
+        return texelFetch(fetched[number], at, 0).r; \
+    }
+float sample_of(int textures, ivec3 at) {
+#if LATTICES > 3
+    OF_TEXTURES(3, lattice_textures)
+#endif
+#if LATTICES > 2
+    OF_TEXTURES(2, lattice_textures)
+#endif
+#if LATTICES > 1
+    OF_TEXTURES(1, lattice_textures)
+#endif
+    return texelFetch(lattice_textures[0], at, 0).r;
+}
+uint mark_of(int textures, ivec3 at) {
+#if LATTICES > 3
+    OF_TEXTURES(3, block_textures)
+#endif
+#if LATTICES > 2
+    OF_TEXTURES(2, block_textures)
+#endif
+#if LATTICES > 1
+    OF_TEXTURES(1, block_textures)
+#endif
+    return texelFetch(block_textures[0], at, 0).r;
+}
+
 // Samples around a point, whose kernels are products of three Gaussians, each of which follows from the one before it. at: from the anchor.
 // Returns the sums of values and of weights.
 vec2 gathered(int part, vec3 at) {
@@ -341,7 +371,7 @@ vec2 gathered(int part, vec3 at) {
                 for (int i = low.x; i <= high.x; ++i) {
                     float g = bell_x - edge;
                     if (g > 0.0) {
-                        float value = texelFetch(lattice_textures[textures], whole + ivec3(i, j, k), 0).r;
+                        float value = sample_of(textures, whole + ivec3(i, j, k));
 #ifdef HOLES
                         if (!isnan(value)) {
                             sums += g * vec2(value * scale.x + scale.y, 1.0);
@@ -378,7 +408,7 @@ bool sum_lattice(int part, int first, inout Sums sums) {
         ivec3 block = clamp(cell / BLOCK_EDGE, ivec3(0), last_block);
         float radius = parts[part].texels.z;
         if (first + c <= last_slab_of_all && all(greaterThan(vec3(cell), vec3(-radius - 1.0))) && all(lessThan(vec3(cell), vec3(parts[part].size.xyz) + radius)) &&
-            texelFetch(block_textures[parts[part].kind.w], block, 0).r != 0u) {
+            mark_of(parts[part].kind.w, block) != 0u) {
             vec2 both = gathered(part, at);
             sums.value[c] = both.x * parts[part].texels.w;
 #ifdef SUM_WEIGHTS

@@ -297,8 +297,9 @@ class LockedRenderer {
 
 std::unique_ptr<LockedRenderer> make_renderer(const std::string& backend, std::optional<int> device,
                                               const std::string& precision, const std::string& tagging,
-                                              const std::string& packing, const std::string& path, const std::map<std::string, bool>& effects,
-                                              bool allow_inexact, int tile_size, int tags_per_clear, int threads,
+                                              const std::string& packing, const std::string& path,
+                                              const std::map<std::string, bool>& effects, bool allow_inexact,
+                                              int tile_size, int tags_per_clear, int threads,
                                               std::optional<double> max_error, std::optional<double> max_seconds) {
     RendererOptions options;
     options.backend = from_name("backend", backend, backends);
@@ -358,8 +359,8 @@ void register_renderer(py::module_& module) {
     py::class_<Stages>(module, "Stages").def_property_readonly("done", &Stages::done);
     py::class_<LockedRenderer>(module, "Renderer")
         .def(py::init(&make_renderer), py::kw_only(), py::arg("backend"), py::arg("device"), py::arg("precision"),
-             py::arg("tagging"), py::arg("packing"), py::arg("path"), py::arg("effects"), py::arg("allow_inexact"), py::arg("tile_size"),
-             py::arg("tags_per_clear"), py::arg("threads"), py::arg("max_error") = py::none(),
+             py::arg("tagging"), py::arg("packing"), py::arg("path"), py::arg("effects"), py::arg("allow_inexact"),
+             py::arg("tile_size"), py::arg("tags_per_clear"), py::arg("threads"), py::arg("max_error") = py::none(),
              py::arg("max_seconds") = py::none())
         .def("plan", &LockedRenderer::plan, py::arg("scene"), py::arg("camera"), py::kw_only(), py::arg("size"),
              py::arg("coverage"), py::arg("depth"))

@@ -82,9 +82,9 @@ ComputeTiles::PartRecord ComputeTiles::lattice_record(const RegularPart& part, i
     record.texels[3] = f(counting.half_range > 0.0 ? view.weight_scale / counting.half_range : view.value_scale);
     const Mat3 samples = glm::inverse(Mat3(view.step_i, view.step_j, view.step_k));
     const bool perspective = frame.projection == Projection::perspective;
-    const Vec3 corner = perspective ? Vec3(0.0)
-                                    : Vec3(-scope_.axis_x() * frame.pixel, scope_.axis_y() * frame.pixel,
-                                           -frame.first_depth);
+    const Vec3 corner = perspective
+                            ? Vec3(0.0)
+                            : Vec3(-scope_.axis_x() * frame.pixel, scope_.axis_y() * frame.pixel, -frame.first_depth);
     put(samples * (corner - view.first_eye), record.start);
     put(samples * Vec3(frame.pixel, 0.0, 0.0), record.right);
     put(samples * Vec3(0.0, -frame.pixel, 0.0), record.down);

@@ -1,5 +1,5 @@
-// The compute path (OpenGL 4.3): work groups draw small tiles from the first slab to the last (glsl/tile.comp), and nothing but the picture
-// is written to the device's memory.
+// The compute path (OpenGL 4.3): work groups draw small tiles from the first slab to the last (glsl/tile.comp), and
+// nothing but the picture is written to the device's memory.
 #pragma once
 
 #include <cstddef>

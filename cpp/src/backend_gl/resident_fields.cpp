@@ -132,8 +132,8 @@ void fill_blocks(const gl::Api& gl, const RegularField& field, const VisibleRuns
             }
         }
     }
-    resident.blocks = make_volume<std::uint8_t>(
-        gl, GL_R8UI, blocks, [&](std::uint8_t* row, std::size_t j, std::size_t k) {
+    resident.blocks =
+        make_volume<std::uint8_t>(gl, GL_R8UI, blocks, [&](std::uint8_t* row, std::size_t j, std::size_t k) {
             std::copy_n(marks.data() + (k * blocks[1] + j) * blocks[2], blocks[2], row);
         });
 }

@@ -1,4 +1,5 @@
-// The uniforms of lib/slices_of_one.glsl and lib/slices_of_groups.glsl: everything that the shading of a slab depends on beside the sheets.
+// The uniforms of lib/slices_of_one.glsl and lib/slices_of_groups.glsl: everything that the shading of a slab depends
+// on beside the sheets.
 #pragma once
 
 #include "classification.hpp"

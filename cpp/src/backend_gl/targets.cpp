@@ -9,10 +9,10 @@ namespace sheetsplat::backend_gl {
 
 bool TargetShape::operator==(const TargetShape& other) const {
     return width == other.width && height == other.height && sheet_format == other.sheet_format && wide == other.wide &&
-           sheets == other.sheets &&            weight == other.weight && slopes == other.slopes && weight_slopes == other.weight_slopes &&
-           shared_depth == other.shared_depth && depth == other.depth && coverage == other.coverage &&
-           compensated == other.compensated && doubts == other.doubts && copies == other.copies && own == other.own &&
-           groups == other.groups;
+           sheets == other.sheets && weight == other.weight && slopes == other.slopes &&
+           weight_slopes == other.weight_slopes && shared_depth == other.shared_depth && depth == other.depth &&
+           coverage == other.coverage && compensated == other.compensated && doubts == other.doubts &&
+           copies == other.copies && own == other.own && groups == other.groups;
 }
 
 namespace {

@@ -14,7 +14,7 @@ namespace sheetsplat::backend_gl {
 struct TargetShape {
     int width = 0, height = 0; ///< with the border
     GLenum sheet_format = GL_RGBA32F;
-    bool wide = true; ///< three sheets in a ring; else a splat buffer and a copy buffer
+    bool wide = true;   ///< three sheets in a ring; else a splat buffer and a copy buffer
     bool sheets = true; ///< false: tiles are computed, and only the picture has surfaces
     bool weight = false;
     bool slopes = false;        ///< changes along x, y and z beside each sheet

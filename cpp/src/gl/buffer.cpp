@@ -28,9 +28,7 @@ Buffer::Buffer(const Api& gl, GLenum target) : target_(target) {
 
 void Buffer::bind() const { handle_.api().BindBuffer(target_, name()); }
 
-void Buffer::bind_storage(GLuint index) const {
-    handle_.api().BindBufferBase(GL_SHADER_STORAGE_BUFFER, index, name());
-}
+void Buffer::bind_storage(GLuint index) const { handle_.api().BindBufferBase(GL_SHADER_STORAGE_BUFFER, index, name()); }
 
 void* Buffer::map(std::size_t bytes) {
     const Api& gl = handle_.api();

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "plan/limits_gl.hpp"
 #include "parts.hpp"
+#include "plan/limits_gl.hpp"
 #include "scene/mode_rules.hpp"
 
 namespace sheetsplat {
@@ -40,9 +40,8 @@ ComputeShape compute_shape(const DrawPlan& plan, const Scene& scene) {
     shape.planes = 1 + (plan.weight ? 1 : 0) + (slopes ? 3 : 0) + (slopes && plan.threshold ? 3 : 0);
     shape.border = plan.gradient && !plan.analytic_gradient ? 1 : 0;
     shape.divided = std::any_of(plan.own_sheets.begin(), plan.own_sheets.end(), [](int own) { return own >= 0; });
-    shape.scattered = std::any_of(scene.fields.begin(), scene.fields.end(), [](const auto& field) {
-        return as_ellipsoids(field.get()) != nullptr;
-    });
+    shape.scattered = std::any_of(scene.fields.begin(), scene.fields.end(),
+                                  [](const auto& field) { return as_ellipsoids(field.get()) != nullptr; });
     return shape;
 }
 

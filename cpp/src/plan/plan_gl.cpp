@@ -1,6 +1,7 @@
 // The plan of backend gl: ways of drawing, sheets and their precision.
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 
 #include "bounds_gl.hpp"
 #include "error_model.hpp"
@@ -205,20 +206,34 @@ void plan_precision(const Scene& scene, const ViewFacts& view, const RendererOpt
     effects.state(EffectId::sums, true, std::string("kernels are summed in sheets of ") + to_string(plan.precision));
 }
 
+/// The option, or the environment's choice where it is automatic.
+Path requested_path(Path option) {
+    const char* name = std::getenv("SHEETSPLAT_GL_PATH");
+    if (option != Path::automatic || name == nullptr || *name == '\0') {
+        return option;
+    }
+    for (const Path path : {Path::automatic, Path::raster, Path::compute}) {
+        if (std::string(name) == to_string(path)) {
+            return path;
+        }
+    }
+    throw InvalidInput(Complaint{"the plan cannot be made", std::string("SHEETSPLAT_GL_PATH=") + name,
+                                 "auto, raster or compute", "correct the environment variable, or unset it"});
+}
+
 /// Whether compute programs draw the tiles.
 void plan_path(const Scene& scene, const ViewFacts& view, const RendererOptions& options,
                const Capabilities& capabilities, Effects& effects, DrawPlan& plan) {
     const std::string why_not = why_not_computed(scene, view, capabilities, plan);
     if (options.path == Path::compute && !why_not.empty()) {
         throw Unsupported(Complaint{"the plan cannot be made", option_ref("path", "compute") + ": " + why_not,
-                                    "a scene that compute programs draw", "use " + option_ref("path", "auto"),
-                                    "path"});
+                                    "a scene that compute programs draw", "use " + option_ref("path", "auto"), "path"});
     }
-    plan.compute = why_not.empty() && options.path != Path::raster &&
-                   (options.path == Path::compute || !capabilities.software);
+    const Path path = requested_path(options.path);
+    plan.compute = why_not.empty() && path != Path::raster && (path == Path::compute || !capabilities.software);
     effects.state(EffectId::computed_tiles, plan.compute,
-                  options.path != Path::automatic ? std::string("path ") + to_string(options.path) + " was asked for"
-                  : !why_not.empty()              ? why_not
+                  !why_not.empty()          ? why_not
+                  : path != Path::automatic ? std::string("path ") + to_string(path) + " was asked for"
                   : plan.compute ? "the device is hardware: its compute units sum kernels faster than its rasteriser"
                                  : "software draws raster passes faster than compute programs");
     if (plan.compute) {

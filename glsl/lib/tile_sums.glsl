@@ -125,7 +125,7 @@ vec4 tile_edges() { return vec4(tile_corner.x, tile_corner.x, tile_corner.y, til
 bool meets(Bound bound, int first) {
     vec4 edges = tile_edges();
     return bound.rectangle.x <= edges.y && bound.rectangle.y >= edges.x && bound.rectangle.z <= edges.w && bound.rectangle.w >= edges.z &&
-           bound.slabs.x <= float(first + 3) && bound.slabs.y >= float(first);
+           bound.slabs.x <= float(first + 3) + slab_reach && bound.slabs.y >= float(first) - slab_reach;
 }
 
 // Readies a kernel; false where its sections in the four slabs do not reach the tile.

@@ -8,7 +8,12 @@ struct Part {
     vec4 kernel;    // k log2(e), exp(-k), sqrt(k); lattice: weight of a sample
     vec4 division;  // as Division has it (lib/division.glsl)
     vec4 texels;    // lattice: what a texel is multiplied by, what is added then, radius in samples, what sums are multiplied by
-    // Lattice: place among its samples of pixel (0, 0) on slab 0 and steps to the right, down and to the next slab. In perspective: of the
+    // Lattice. Rows of: way from a sample, counted in samples along i, j, k -> height in its unit sphere, place in the plane there (u, v).
+    vec4 frame_s, frame_u, frame_v;
+    vec4 reach;     // how far supports reach along i, j, k; 1: odd layers are shifted by half a sample along i and j (BCC)
+    vec4 unit;      // columns of: pixels (times depth) -> plane of the unit sphere
+    vec4 pace;      // from sample to sample along i, j, k in the unit sphere, where kernels are products of three Gaussians
+    // Place among its samples of pixel (0, 0) on slab 0 and steps to the right, down and to the next slab. In perspective: of the
     // eye, and steps for a depth of 1: to the right and down, of a pixel from the axis, and along the axis.
     dvec4 start, right, down, back;
 };

@@ -81,8 +81,53 @@ void add_field(int part, Sums sums) {
 #endif
 }
 
-#ifdef ELLIPSOIDS
+// Of the slabs, which lengths in the plane of the unit sphere grow with in perspective.
+vec4 depths_of(int first) {
+#ifdef PERSPECTIVE
+    return first_depth + (float(first) + vec4(0.0, 1.0, 2.0, 3.0)) * slice_spacing;
+#else
+    return vec4(1.0);
+#endif
+}
+
+// Adds a kernel's sections. unit: pixels (times depth) -> plane of the unit sphere; step_s: slice spacing over half-depth.
+void add_sections(Sections at, float value, float weight, mat2 unit, float step_s, inout Sums sums) {
+#ifdef SLAB
+    slab_half = 0.5 * step_s;
+    float width = falloff_root * step_s * sqrt(1.0 + dot(at.ray, at.ray));
+    slab_nodes = width < FOUR_NODE_SLAB ? 4 : width < SIX_NODE_SLAB ? 6 : 0;
+    slab_pieces = width < SIX_NODE_SLAB ? 1 : 4;
+#endif
+    vec4 g = values(at);
+    sums.value += value * g;
+#ifdef SUM_WEIGHTS
+    sums.weight += weights_of(weight, g);
+#endif
+#ifdef SLOPES
+    vec4 x, y, z;
+#ifdef ANALYTIC
+    slopes(at, 1.0, unit, step_s, x, y, z);
+#else
+#ifdef PERSPECTIVE
+    float part_of_ray = slice_spacing / step_s;
+#else
+    const float part_of_ray = 0.0;
+#endif
+    slopes(at, 1.0, unit, part_of_ray, step_s, x, y, z);
+#endif
+    sums.slopes[0] += value * x;
+    sums.slopes[1] += value * y;
+    sums.slopes[2] += value * z;
+#ifdef SUM_WEIGHT_SLOPES
+    sums.weight_slopes[0] += weight * x;
+    sums.weight_slopes[1] += weight * y;
+    sums.weight_slopes[2] += weight * z;
+#endif
+#endif
+}
+
 uniform float slab_reach; // half a slab where slabs are averaged, and what differences over depth reach further
+#ifdef ELLIPSOIDS
 uniform float margin;     // pixels by which kernels reach further
 #ifndef PERSPECTIVE
 uniform vec2 axis_px;     // where the optical axis meets the picture
@@ -189,45 +234,7 @@ void add_kernel(int number, int first, inout Sums sums) {
     // Whole pixels first: the difference is exact, however far from the corner of the picture.
     vec2 from = (place_px - place_at.xy) - place_at.zw;
     mat2 unit = mat2(unit_of_px.xy, unit_of_px.zw);
-    const vec4 slabs = vec4(0.0, 1.0, 2.0, 3.0);
-#ifdef PERSPECTIVE
-    vec4 depths = first_depth + (float(first) + slabs) * slice_spacing;
-#else
-    const vec4 depths = vec4(1.0);
-#endif
-    Sections at = sections(unit * from, slabs, depths);
-#ifdef SLAB
-    slab_half = 0.5 * heights.y;
-    float width = falloff_root * heights.y * sqrt(1.0 + dot(at.ray, at.ray));
-    slab_nodes = width < 0.6 ? 4 : width < 1.5 ? 6 : 0;
-    slab_pieces = width < 1.5 ? 1 : 4;
-#endif
-    vec4 g = values(at);
-    sums.value += amount.x * g;
-#ifdef SUM_WEIGHTS
-    sums.weight += weights_of(amount.y, g);
-#endif
-#ifdef SLOPES
-    vec4 x, y, z;
-#ifdef ANALYTIC
-    slopes(at, 1.0, unit, heights.y, x, y, z);
-#else
-#ifdef PERSPECTIVE
-    float part_of_ray = slice_spacing / heights.y;
-#else
-    const float part_of_ray = 0.0;
-#endif
-    slopes(at, 1.0, unit, part_of_ray, heights.y, x, y, z);
-#endif
-    sums.slopes[0] += amount.x * x;
-    sums.slopes[1] += amount.x * y;
-    sums.slopes[2] += amount.x * z;
-#ifdef SUM_WEIGHT_SLOPES
-    sums.weight_slopes[0] += amount.y * x;
-    sums.weight_slopes[1] += amount.y * y;
-    sums.weight_slopes[2] += amount.y * z;
-#endif
-#endif
+    add_sections(sections(unit * from, vec4(0.0, 1.0, 2.0, 3.0), depths_of(first)), amount.x, amount.y, unit, heights.y, sums);
 }
 
 // Kernels that may reach the tile, LISTED at a time, down the tree of bounds and in its order. Returns whether any does.
@@ -344,24 +351,77 @@ uint mark_of(int textures, ivec3 at) {
     return texelFetch(block_textures[0], at, 0).r;
 }
 
+// From the tile's first point to this one on the first slab, in samples, and from slab to slab here.
+struct Ray {
+    vec3 start, step;
+};
+Ray ray_among_samples(int part, int first) {
+    vec2 from = vec2(gl_LocalInvocationID.xy);
+    vec3 beside = from.x * vec3(parts[part].right.xyz) + from.y * vec3(parts[part].down.xyz);
+#ifdef PERSPECTIVE
+    float depth = first_depth + float(first) * slice_spacing;
+    return Ray(anchor_part[part] + depth * beside, anchor_step[part] + slice_spacing * beside);
+#else
+    return Ray(anchor_part[part] + beside, anchor_step[part]);
+#endif
+}
+
+// Whether samples that are drawn may reach a box, given from the anchor.
+bool is_reached(int part, vec3 low, vec3 high) {
+    ivec3 size = parts[part].size.xyz;
+    vec3 reach = parts[part].reach.xyz + 1.0;
+    vec3 whole = vec3(anchor_whole[part]);
+    if (any(lessThan(high + whole, -reach)) || any(greaterThan(low + whole, vec3(size) + reach))) {
+        return false;
+    }
+    ivec3 first = clamp(anchor_whole[part] + ivec3(floor(low)), ivec3(0), size - 1) / BLOCK_EDGE;
+    ivec3 last = clamp(anchor_whole[part] + ivec3(floor(high)), ivec3(0), size - 1) / BLOCK_EDGE;
+    for (int k = first.z; k <= last.z; ++k) {
+        for (int j = first.y; j <= last.y; ++j) {
+            for (int i = first.x; i <= last.x; ++i) {
+                if (mark_of(parts[part].kind.w, ivec3(i, j, k)) != 0u) {
+                    return true;
+                }
+            }
+        }
+    }
+    return false;
+}
+
+// f - b of a sample, less its pivot; false where it is no kernel.
+bool is_kernel(int part, ivec3 sample_at, out float value) {
+    value = sample_of(parts[part].kind.w, sample_at);
+#ifdef HOLES
+    if (isnan(value)) {
+        return false;
+    }
+#endif
+    value = value * parts[part].texels.x + parts[part].texels.y;
+    return true;
+}
+
+#ifdef PRODUCTS
 // Samples around a point, whose kernels are products of three Gaussians, each of which follows from the one before it. at: from the anchor.
 // Returns the sums of values and of weights.
 vec2 gathered(int part, vec3 at) {
-    float radius = parts[part].texels.z;
     ivec3 whole = anchor_whole[part];
-    ivec3 low = max(ivec3(ceil(at - radius)), -whole);
-    ivec3 high = min(ivec3(floor(at + radius)), parts[part].size.xyz - 1 - whole);
-    vec3 from = (vec3(low) - at) / radius;
-    float pace = 1.0 / radius;
-    vec3 bell = exp2(-falloff_log2 * from * from);
-    vec3 ratio = exp2(-falloff_log2 * pace * (2.0 * from + pace));
-    float bend = exp2(-2.0 * falloff_log2 * pace * pace);
-    int textures = parts[part].kind.w;
-    vec2 scale = parts[part].texels.xy;
+    vec3 reach = parts[part].reach.xyz;
+    vec3 pace = parts[part].pace.xyz;
+    vec3 bend = exp2(-2.0 * falloff_log2 * pace * pace);
     vec2 sums = vec2(0.0);
-    float bell_z = bell.z;
-    float ratio_z = ratio.z;
-    for (int k = low.z; k <= high.z; ++k) {
+    int low_z = max(int(ceil(at.z - reach.z)), -whole.z);
+    int high_z = min(int(floor(at.z + reach.z)), parts[part].size.z - 1 - whole.z);
+    for (int k = low_z; k <= high_z; ++k) {
+        vec2 beside = at.xy;
+        if (parts[part].reach.w != 0.0 && ((k + whole.z) & 1) == 1) {
+            beside -= 0.5;
+        }
+        ivec2 low = max(ivec2(ceil(beside - reach.xy)), -whole.xy);
+        ivec2 high = min(ivec2(floor(beside + reach.xy)), parts[part].size.xy - 1 - whole.xy);
+        vec3 from = (vec3(low, k) - vec3(beside, at.z)) * pace;
+        float bell_z = exp2(-falloff_log2 * from.z * from.z);
+        vec2 bell = exp2(-falloff_log2 * from.xy * from.xy);
+        vec2 ratio = exp2(-falloff_log2 * pace.xy * (2.0 * from.xy + pace.xy));
         float bell_y = bell.y * bell_z;
         float ratio_y = ratio.y;
         for (int j = low.y; j <= high.y; ++j) {
@@ -370,54 +430,86 @@ vec2 gathered(int part, vec3 at) {
                 float ratio_x = ratio.x;
                 for (int i = low.x; i <= high.x; ++i) {
                     float g = bell_x - edge;
-                    if (g > 0.0) {
-                        float value = sample_of(textures, whole + ivec3(i, j, k));
-#ifdef HOLES
-                        if (!isnan(value)) {
-                            sums += g * vec2(value * scale.x + scale.y, 1.0);
-                        }
-#else
-                        sums += g * vec2(value * scale.x + scale.y, 1.0);
-#endif
+                    float value;
+                    if (g > 0.0 && is_kernel(part, whole + ivec3(i, j, k), value)) {
+                        sums += g * vec2(value, 1.0);
                     }
                     bell_x *= ratio_x;
-                    ratio_x *= bend;
+                    ratio_x *= bend.x;
                 }
             }
             bell_y *= ratio_y;
-            ratio_y *= bend;
+            ratio_y *= bend.y;
         }
-        bell_z *= ratio_z;
-        ratio_z *= bend;
     }
     return sums;
 }
 
-bool sum_lattice(int part, int first, inout Sums sums) {
-    vec2 from = vec2(gl_LocalInvocationID.xy);
-    ivec3 last_block = (parts[part].size.xyz - 1) / BLOCK_EDGE;
-    bool mine = false;
+bool reaches_me(int part, int first, inout Sums sums) {
+    Ray ray = ray_among_samples(part, first);
+    bool any_slab = false;
     for (int c = 0; c < 4; ++c) {
-#ifdef PERSPECTIVE
-        float depth = first_depth + float(first + c) * slice_spacing;
-        vec3 at = anchor_part[part] + float(c) * anchor_step[part] + depth * (from.x * vec3(parts[part].right.xyz) + from.y * vec3(parts[part].down.xyz));
-#else
-        vec3 at = anchor_part[part] + from.x * vec3(parts[part].right.xyz) + from.y * vec3(parts[part].down.xyz) + float(c) * anchor_step[part];
-#endif
-        ivec3 cell = anchor_whole[part] + ivec3(floor(at));
-        ivec3 block = clamp(cell / BLOCK_EDGE, ivec3(0), last_block);
-        float radius = parts[part].texels.z;
-        if (first + c <= last_slab_of_all && all(greaterThan(vec3(cell), vec3(-radius - 1.0))) && all(lessThan(vec3(cell), vec3(parts[part].size.xyz) + radius)) &&
-            mark_of(parts[part].kind.w, block) != 0u) {
+        vec3 at = ray.start + float(c) * ray.step;
+        if (first + c <= last_slab_of_all && is_reached(part, at, at)) {
             vec2 both = gathered(part, at);
             sums.value[c] = both.x * parts[part].texels.w;
 #ifdef SUM_WEIGHTS
             sums.weight[c] = both.y > 0.0 ? max(parts[part].kernel.w * both.y, 1e-37) : 0.0;
 #endif
-            mine = true;
+            any_slab = true;
         }
     }
-    if (mine) {
+    return any_slab;
+}
+#else
+// All samples that reach a ray in the four slabs, one after the other.
+bool reaches_me(int part, int first, inout Sums sums) {
+    Ray ray = ray_among_samples(part, first);
+    ivec3 whole = anchor_whole[part];
+    vec3 front = ray.start - slab_reach * ray.step;
+    vec3 back = ray.start + (3.0 + slab_reach) * ray.step;
+    vec3 more = vec3(0.0);
+#ifdef FINE
+    more = (abs(vec3(parts[part].right.xyz)) + abs(vec3(parts[part].down.xyz))) * depths_of(first).w;
+#endif
+    if (!is_reached(part, min(front, back) - more, max(front, back) + more)) {
+        return false;
+    }
+    more += parts[part].reach.xyz;
+    bool shifted = parts[part].reach.w != 0.0;
+    ivec3 low = max(ivec3(ceil(min(front, back) - more)), -whole);
+    ivec3 high = min(ivec3(floor(max(front, back) + more)), parts[part].size.xyz - 1 - whole);
+    mat3 frame = transpose(mat3(parts[part].frame_s.xyz, parts[part].frame_u.xyz, parts[part].frame_v.xyz));
+    vec3 step = frame * ray.step;
+    float step_s = -step.x;
+    mat2 unit = mat2(parts[part].unit.xy, parts[part].unit.zw);
+    const vec4 slabs = vec4(0.0, 1.0, 2.0, 3.0);
+    Sections at;
+    at.depth = depths_of(first);
+    at.ray = step.yz / step_s;
+    float scale = parts[part].texels.w;
+    for (int k = low.z; k <= high.z; ++k) {
+        float shift = shifted && ((k + whole.z) & 1) == 1 ? 0.5 : 0.0;
+        for (int j = low.y - int(shifted); j <= high.y; ++j) {
+            for (int i = low.x - int(shifted); i <= high.x; ++i) {
+                ivec3 sample_at = whole + ivec3(i, j, k);
+                vec3 q = frame * (ray.start - vec3(float(i) + shift, float(j) + shift, float(k)));
+                float value;
+                if (min(sample_at.x, sample_at.y) >= 0 && is_kernel(part, sample_at, value)) {
+                    at.s = q.x + step.x * slabs;
+                    at.ax = q.y + step.y * slabs;
+                    at.ay = q.z + step.z * slabs;
+                    add_sections(at, value * scale, parts[part].kernel.w, unit, step_s, sums);
+                }
+            }
+        }
+    }
+    return true;
+}
+#endif
+
+bool sum_lattice(int part, int first, inout Sums sums) {
+    if (reaches_me(part, first, sums)) {
         any_reached = true;
     }
     barrier();

@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
 
 #include "base/clock.hpp"
 #include "interop.h"
 #include "plan/compute_path.hpp"
+#include "plan/slab_nodes.hpp"
 #include "scene/mode_rules.hpp"
 #include "splatting.hpp"
 #include "view/ellipsoid_view.hpp"
@@ -36,12 +38,13 @@ void put(const Vec3& from, Number (&to)[4]) {
 struct alignas(32) ComputeTiles::PartRecord {
     int kind[4]{}, kernels[4]{}, size[4]{};
     float kernel[4]{}, division[4]{}, texels[4]{};
+    float frame[3][4]{}, reach[4]{}, unit[4]{}, pace[4]{};
     double start[4]{}, right[4]{}, down[4]{}, back[4]{};
 };
 
 ComputeTiles::ComputeTiles(const TileScope& scope, const Classification* classification)
     : scope_(scope), shading_(scope, classification) {
-    static_assert(sizeof(PartRecord) == 224, "programs read records of this layout");
+    static_assert(sizeof(PartRecord) == 320, "programs read records of this layout");
 }
 
 ComputeTiles::PartRecord ComputeTiles::record_of(std::size_t field) const {
@@ -81,6 +84,20 @@ ComputeTiles::PartRecord ComputeTiles::lattice_record(const RegularPart& part, i
     record.texels[2] = f(view.field->options().radius);
     record.texels[3] = f(counting.half_range > 0.0 ? view.weight_scale / counting.half_range : view.value_scale);
     const Mat3 samples = glm::inverse(Mat3(view.step_i, view.step_j, view.step_k));
+    const LatticeReach reach = lattice_reach(view);
+    for (int row = 0; row < 3; ++row) {
+        put(reach.frame[row], record.frame[row]);
+    }
+    put(reach.samples, record.reach);
+    const bool bcc = view.field->lattice() == Lattice::bcc;
+    record.reach[3] = bcc ? 1.0F : 0.0F;
+    record.unit[0] = f(view.to_unit[0].x * frame.pixel);
+    record.unit[1] = f(view.to_unit[0].y * frame.pixel);
+    record.unit[2] = f(-view.to_unit[1].x * frame.pixel);
+    record.unit[3] = f(-view.to_unit[1].y * frame.pixel);
+    const Vec3 steps(glm::length(view.field->steps()[0]), glm::length(view.field->steps()[1]),
+                     glm::length(view.field->steps()[2]));
+    put(bcc ? steps / view.field->kernel_axes().lengths.x : Vec3(1.0 / view.field->options().radius), record.pace);
     const bool perspective = frame.projection == Projection::perspective;
     const Vec3 corner = perspective
                             ? Vec3(0.0)
@@ -227,6 +244,9 @@ TileProgram ComputeTiles::program() const {
     switch_on("WEIGHT_ALONE", shape.divided);
     switch_on("SLAB", plan.sampling == Sampling::slab);
     switch_on("FINE", splats_slopes(plan));
+    switch_on("PRODUCTS", plan.sampling == Sampling::point && !splats_slopes(plan) && !plan.filter);
+    defines["FOUR_NODE_SLAB"] = std::to_string(four_node_slab);
+    defines["SIX_NODE_SLAB"] = std::to_string(six_node_slab);
     return made;
 }
 

@@ -6,6 +6,9 @@
 #include <type_traits>
 #include <variant>
 
+#include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
+
 #include "interop.h"
 
 namespace sheetsplat::backend_gl {
@@ -111,20 +114,22 @@ void fill_samples(const gl::Api& gl, const RegularField& field, ResidentLattice&
 }
 
 /// Marks the blocks of samples in which some point is nearer to a drawn sample than the radius.
-void fill_blocks(const gl::Api& gl, const RegularField& field, const VisibleRuns& runs, ResidentLattice& resident) {
+void fill_blocks(const gl::Api& gl, const RegularField& field, const VisibleRuns& runs,
+                 const std::array<std::size_t, 3>& reach, ResidentLattice& resident) {
     constexpr std::size_t edge = BLOCK_EDGE;
     const auto [nk, nj, ni] = field.shape();
     const std::array<std::size_t, 3> blocks{(nk + edge - 1) / edge, (nj + edge - 1) / edge, (ni + edge - 1) / edge};
-    const auto reach = static_cast<std::size_t>(std::ceil(field.options().radius));
     std::vector<std::uint8_t> marks(blocks[0] * blocks[1] * blocks[2]);
-    const auto first = [&](std::size_t at) { return (at - std::min(at, reach)) / edge; };
-    const auto last = [&](std::size_t at, std::size_t count) { return std::min(at + reach, count - 1) / edge; };
+    const auto first = [&](std::size_t at, std::size_t axis) { return (at - std::min(at, reach[axis])) / edge; };
+    const auto last = [&](std::size_t at, std::size_t axis) {
+        return std::min(at + reach[axis], field.shape()[axis] - 1) / edge;
+    };
     for (std::size_t k = 0; k < nk; ++k) {
         for (std::size_t j = 0; j < nj; ++j) {
             for (const Run* run = runs.begin(k * nj + j); run != runs.end(k * nj + j); ++run) {
-                const std::size_t from = first(run->begin), to = last(run->end - 1, ni);
-                for (std::size_t bk = first(k); bk <= last(k, nk); ++bk) {
-                    for (std::size_t bj = first(j); bj <= last(j, nj); ++bj) {
+                const std::size_t from = first(run->begin, 2), to = last(run->end - 1, 2);
+                for (std::size_t bk = first(k, 0); bk <= last(k, 0); ++bk) {
+                    for (std::size_t bj = first(j, 1); bj <= last(j, 1); ++bj) {
                         std::uint8_t* row = marks.data() + (bk * blocks[1] + bj) * blocks[2];
                         std::fill(row + from, row + to + 1, std::uint8_t{1});
                     }
@@ -153,6 +158,24 @@ void drop_others(Entries& entries, const std::vector<std::shared_ptr<const Field
 
 } // namespace
 
+LatticeReach lattice_reach(const FieldView& view) {
+    LatticeReach reach;
+    const Vec3 steps[3] = {view.step_i, view.step_j, view.step_k};
+    for (int axis = 0; axis < 3; ++axis) {
+        const double s = steps[axis].z / view.half_depth;
+        const glm::dvec2 place = view.to_unit * glm::dvec2(steps[axis].x, steps[axis].y) - s * view.shear;
+        reach.frame[0][axis] = s;
+        reach.frame[1][axis] = place.x;
+        reach.frame[2][axis] = place.y;
+    }
+    // Rows of the inverse: a sphere's extents where it is turned back.
+    const Mat3 samples = glm::inverse(glm::transpose(Mat3(reach.frame[0], reach.frame[1], reach.frame[2])));
+    for (int axis = 0; axis < 3; ++axis) {
+        reach.samples[axis] = glm::length(Vec3(samples[0][axis], samples[1][axis], samples[2][axis]));
+    }
+    return reach;
+}
+
 const ResidentLattice& ResidentFields::lattice(const Scene& scene, const RegularPart& part) {
     const std::shared_ptr<const Field>& field = scene.fields[part.field];
     const RegularField& samples = *part.view->field;
@@ -161,8 +184,13 @@ const ResidentLattice& ResidentFields::lattice(const Scene& scene, const Regular
         fill_samples(*gl_, samples, resident);
         resident.field = field;
     }
-    if (!resident.blocks || resident.version != part.version) {
-        fill_blocks(*gl_, samples, *part.runs, resident);
+    const Vec3 supports = lattice_reach(*part.view).samples;
+    // (Odd layers of BCC lattices lie half a sample farther.)
+    const auto whole = [&](int axis) { return static_cast<std::size_t>(std::ceil(supports[axis] + 0.5)); };
+    const std::array<std::size_t, 3> reach{whole(2), whole(1), whole(0)};
+    if (!resident.blocks || resident.version != part.version || resident.reach != reach) {
+        fill_blocks(*gl_, samples, *part.runs, reach, resident);
+        resident.reach = reach;
         resident.version = part.version;
     }
     return resident;

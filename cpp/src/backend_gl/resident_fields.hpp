@@ -1,6 +1,7 @@
 // The fields of the compute path on the device: uploaded once, and again where other kernels are drawn.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -19,8 +20,17 @@ struct ResidentLattice {
     double added = 0.0; ///< f - b, with what is added then
     bool holes = false; ///< some samples are no kernels: NaN
     std::uint64_t version = 0;
+    std::array<std::size_t, 3> reach{}; ///< that blocks are marked with: samples along k, j and i
     std::shared_ptr<const Field> field;
 };
+
+/// How the kernels of a lattice lie around its points, counted in samples along i, j and k.
+struct LatticeReach {
+    /// Rows of: way from a sample to a point -> height in the unit sphere, place in the plane there.
+    std::array<Vec3, 3> frame;
+    Vec3 samples{0.0}; ///< how far supports reach
+};
+LatticeReach lattice_reach(const FieldView& view);
 
 /// Scattered kernels: those that are drawn, neighbours in space next to one another.
 struct ResidentKernels {

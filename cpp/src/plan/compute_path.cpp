@@ -62,7 +62,6 @@ std::string why_not_computed(const Scene& scene, const ViewFacts& view, const Ca
     if (plan.filter) {
         return "filtered kernels are sliced by the processor";
     }
-    const bool slopes = plan.fine_gradient || plan.analytic_gradient;
     int lattices = 0;
     for (const auto& field : scene.fields) {
         const RegularField* lattice = as_regular(field.get());
@@ -70,15 +69,6 @@ std::string why_not_computed(const Scene& scene, const ViewFacts& view, const Ca
             continue;
         }
         ++lattices;
-        if (lattice->lattice() != Lattice::cartesian) {
-            return "samples of a BCC lattice are splatted";
-        }
-        if (plan.sampling == Sampling::slab) {
-            return "means over slabs of a lattice are splatted";
-        }
-        if (slopes) {
-            return "slopes of a lattice are splatted";
-        }
         const auto& shape = lattice->shape();
         if (*std::max_element(shape.begin(), shape.end()) > static_cast<std::size_t>(capabilities.max_volume_size)) {
             return "a lattice is longer than the device's largest volume of " +

@@ -25,7 +25,7 @@ Bound nothing() { return Bound(vec4(nowhere, -nowhere, nowhere, -nowhere), vec4(
 float length_of(vec4 rectangle) { return rectangle.y - rectangle.x + rectangle.w - rectangle.z; }
 
 Bound of_kernel(int number) {
-    int first = 4 * (parts[part].kernels.x + int(order[parts[part].kernels.y + number]));
+    int first = RECORD_SIZE * (parts[part].kernels.x + int(order[parts[part].kernels.y + number]));
     vec4 place = records[first];
     vec4 heights = records[first + 1];
     vec4 axes = records[first + 2];

@@ -2,6 +2,7 @@
 // [NM06] sections 3.3 and 4.1: the place of the pixel in the plane of the unit sphere and the section's height give the Gaussian.
 #include "lib/interop.h"
 #include "lib/kernel.glsl"
+#define PLACE gl_FragCoord.xy
 
 flat in vec4 place_at;     // centre on the record's slice: whole pixels, parts of pixels
 flat in vec3 amount;       // value, weight, slabs from the record's slice to the batch's first one
@@ -56,47 +57,6 @@ out vec4 z_back;
 
 #ifndef SPRITE
 #include "lib/sections.glsl"
-
-#ifdef PRECISE_PLACES
-// In float64: along a needle of 1:100,000 the place of a section is known to no more than 6e-3 of its radius in float32.
-struct ExactPlace {
-    dvec2 place, step; // on the record's slice, and from slab to slab, in the plane of the unit sphere
-    double s, step_s;
-};
-
-ExactPlace exact_place() {
-    dvec2 u = dvec2(axes.xy) + dvec2(axes_rest.xy);
-    dvec2 v = dvec2(axes.zw) + dvec2(axes_rest.zw);
-    dvec2 step = dvec2(step_and_rest.xy) + dvec2(step_and_rest.zw);
-    dvec2 from = dvec2(gl_FragCoord.xy) - dvec2(place_at.xy) - (dvec2(place_at.zw) + dvec2(heights_rest.xy));
-    double uu = dot(u, u);
-    double vv = dot(v, v);
-    ExactPlace exact;
-    exact.place = dvec2(dot(u, from) / uu, dot(v, from) / vv);
-    exact.step = dvec2(dot(u, step) / uu, dot(v, step) / vv);
-    exact.s = double(heights.x) + double(heights_rest.z);
-    exact.step_s = double(heights.y) + double(heights_rest.w);
-#ifdef PERSPECTIVE
-    // The ray moves on as well: at the record's slice the place is that of the pixel times the depth there.
-    exact.step -= exact.place * exact_spacing;
-    exact.place *= exact_depth - double(amount.z) * exact_spacing;
-#endif
-    return exact;
-}
-
-Sections sections(ExactPlace exact, vec4 slab, vec4 depth) {
-    Sections r;
-    for (int c = 0; c < 4; ++c) {
-        double offset = double(amount.z) + double(slab[c]);
-        r.s[c] = float(exact.s - offset * exact.step_s);
-        r.ax[c] = float(exact.place.x - offset * exact.step.x);
-        r.ay[c] = float(exact.place.y - offset * exact.step.y);
-    }
-    r.depth = depth;
-    r.ray = vec2(-exact.step / exact.step_s);
-    return r;
-}
-#endif
 
 #include "lib/ellipsoid.glsl"
 

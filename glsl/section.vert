@@ -25,7 +25,18 @@ layout(location = ATTRIBUTE_KERNEL_AMOUNT) in dvec2 amount; // value, weight
 out vec4 record_place;
 out vec4 record_heights;
 out vec4 record_axes;
-out vec4 record_step;
+out vec4 record_step; // in w: 1 where float32 is too coarse for its places
+#ifdef RESTS
+// What float32 cut off.
+out vec4 rest_heights;
+out vec4 rest_axes;
+out vec4 rest_step;
+uniform double precise_aspect; // longest over shortest semi-axis, and
+uniform double least_px;       // semi-axis in pixels, from and up to which it is
+
+double rest_of(double number) { return number - double(float(number)); }
+dvec2 rest_of(dvec2 numbers) { return numbers - dvec2(vec2(numbers)); }
+#endif
 
 // Rows count downwards, eye y upwards.
 dvec2 on_screen(dvec2 eye_xy) {
@@ -90,4 +101,17 @@ void main() {
     record_heights = vec4(float(anchor), float(s), float(step_s), value);
     record_axes = vec4(vec2(on_screen(a)), vec2(on_screen(b)));
     record_step = vec4(vec2(step), weight, 0.0);
+#ifdef RESTS
+    dvec2 parts = at - dvec2(whole);
+    rest_heights = vec4(vec2(rest_of(parts)), float(rest_of(s)), float(rest_of(step_s)));
+    rest_axes = vec4(vec2(rest_of(on_screen(a))), vec2(rest_of(on_screen(b))));
+    rest_step = vec4(vec2(rest_of(step)), 0.0, 0.0);
+    double longest = sqrt(max(dot(axis_a, axis_a), max(dot(axis_b, axis_b), dot(axis_c, axis_c))));
+    double shortest = sqrt(min(dot(axis_a, axis_a), min(dot(axis_b, axis_b), dot(axis_c, axis_c))));
+    double width = pixel;
+#ifdef PERSPECTIVE
+    width *= abs(depth);
+#endif
+    record_step.w = longest >= precise_aspect * shortest || shortest < least_px * width ? 1.0 : 0.0;
+#endif
 }

@@ -18,7 +18,7 @@ struct Part {
     dvec4 start, right, down, back;
 };
 layout(std430, binding = BUFFER_PARTS) readonly buffer Parts { Part parts[]; };
-// Four vec4 a kernel, as SectionRecord has them.
+// RECORD_SIZE vec4 a kernel: four as SectionRecord has them, and three as SectionRest where float32 does not place all kernels.
 layout(std430, binding = BUFFER_RECORDS) readonly buffer Records { vec4 records[]; };
 // Kernels that are drawn, neighbours in space next to one another.
 layout(std430, binding = BUFFER_ORDER) readonly buffer Order { uint order[]; };

@@ -2,6 +2,10 @@
 #include "lib/kernel.glsl"
 #include "lib/sections.glsl"
 #include "lib/division.glsl"
+#ifdef PERSPECTIVE
+uniform double depth_of_first; // of slab 0
+uniform double exact_spacing;
+#endif
 #ifdef ELLIPSOIDS
 #include "lib/ellipsoid_edges.glsl"
 // Of the kernel that is added.
@@ -9,6 +13,17 @@ vec4 place_at = vec4(0.0);   // centre on the record's slice: whole pixels, part
 vec3 amount = vec3(0.0);     // value, weight, slabs from the record's slice to the first one
 vec4 unit_of_px = vec4(0.0); // columns of: pixels (times depth) -> plane of the unit sphere
 vec4 heights = vec4(0.0);    // height there, step; step of the centre in the plane of the unit sphere
+#ifdef PRECISE_PLACES
+bool place_is_precise = false;
+int precise_record = 0;
+vec4 axes = vec4(0.0);
+vec4 step_and_rest = vec4(0.0);
+vec4 axes_rest = vec4(0.0);
+vec4 heights_rest = vec4(0.0);
+#ifdef PERSPECTIVE
+double exact_depth = 0.0LF; // of the first slab
+#endif
+#endif
 #include "lib/ellipsoid.glsl"
 #endif
 
@@ -175,10 +190,14 @@ bool meets(Bound bound, int first) {
 
 // Readies a kernel; false where its sections in the four slabs do not reach the tile.
 bool ready(int record, int first) {
-    vec4 place = records[4 * record];
-    vec4 along = records[4 * record + 1];
-    vec4 axes = records[4 * record + 2];
-    vec4 more = records[4 * record + 3];
+    vec4 place = records[RECORD_SIZE * record];
+    vec4 along = records[RECORD_SIZE * record + 1];
+    vec4 axes = records[RECORD_SIZE * record + 2];
+    vec4 more = records[RECORD_SIZE * record + 3];
+#ifdef PRECISE_PLACES
+    place_is_precise = more.w != 0.0;
+    precise_record = record;
+#endif
     float since = float(first) - along.x;
     vec2 slabs = slabs_met(vec2(since - slab_reach, since + 3.0 + slab_reach), along.y, along.z);
     if (slabs.x > slabs.y) {
@@ -231,9 +250,27 @@ void add_kernel(int number, int first, inout Sums sums) {
     amount = listed[4 * number + 1].xyz;
     unit_of_px = listed[4 * number + 2];
     heights = listed[4 * number + 3];
+    mat2 unit = mat2(unit_of_px.xy, unit_of_px.zw);
+#ifdef PRECISE_PLACES
+    int record = floatBitsToInt(listed[4 * number + 1].w);
+    if (record >= 0) {
+        int more = RECORD_SIZE * record;
+        axes = records[more + 2];
+        step_and_rest = vec4(records[more + 3].xy, records[more + 6].xy);
+        axes_rest = records[more + 5];
+        // Whole pixels beyond 2^24 leave no room for the axis: what the sum lost is part of the parts.
+        vec4 place = records[more];
+        vec4 rests = records[more + 4];
+        heights_rest = vec4(vec2(dvec2(rests.xy) + (dvec2(place.xy) + dvec2(AXIS) - dvec2(place_at.xy))), rests.zw);
+#ifdef PERSPECTIVE
+        exact_depth = depth_of_first + double(first) * exact_spacing;
+#endif
+        add_sections(sections(exact_place(), vec4(0.0, 1.0, 2.0, 3.0), depths_of(first)), amount.x, amount.y, unit, heights.y, sums);
+        return;
+    }
+#endif
     // Whole pixels first: the difference is exact, however far from the corner of the picture.
     vec2 from = (place_px - place_at.xy) - place_at.zw;
-    mat2 unit = mat2(unit_of_px.xy, unit_of_px.zw);
     add_sections(sections(unit * from, vec4(0.0, 1.0, 2.0, 3.0), depths_of(first)), amount.x, amount.y, unit, heights.y, sums);
 }
 
@@ -273,7 +310,11 @@ bool sum_ellipsoids(int part, int first, inout Sums sums) {
                 int kernels_here = number_those(met, number);
                 if (met) {
                     listed[4 * number] = place_at;
+#ifdef PRECISE_PLACES
+                    listed[4 * number + 1] = vec4(amount, intBitsToFloat(place_is_precise ? precise_record : -1));
+#else
                     listed[4 * number + 1] = vec4(amount, 0.0);
+#endif
                     listed[4 * number + 2] = unit_of_px;
                     listed[4 * number + 3] = heights;
                 }
@@ -292,10 +333,6 @@ bool sum_ellipsoids(int part, int first, inout Sums sums) {
 #ifdef LATTICES
 uniform sampler3D lattice_textures[LATTICES];
 uniform int last_slab_of_all;
-#ifdef PERSPECTIVE
-uniform double exact_depth; // of slab 0
-uniform double exact_spacing;
-#endif
 uniform usampler3D block_textures[LATTICES]; // not 0 where a sample that is drawn reaches into a block of BLOCK_EDGE^3 samples
 
 shared ivec3 anchor_whole[PARTS]; // place of the tile's first point on the first slab among the samples: whole samples, and parts of them
@@ -310,7 +347,7 @@ void anchor(int part, int first) {
 #ifdef PERSPECTIVE
     corner -= dvec2(axis);
     step += corner.x * parts[part].right.xyz + corner.y * parts[part].down.xyz;
-    dvec3 place = parts[part].start.xyz + (exact_depth + double(first) * exact_spacing) * step;
+    dvec3 place = parts[part].start.xyz + (depth_of_first + double(first) * exact_spacing) * step;
     step *= exact_spacing;
 #else
     dvec3 place = parts[part].start.xyz + corner.x * parts[part].right.xyz + corner.y * parts[part].down.xyz + double(first) * step;

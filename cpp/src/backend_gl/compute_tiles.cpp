@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
@@ -151,14 +152,7 @@ void ComputeTiles::prepare() {
             fields.push_back(part.kernels.get());
         }
         resources.section_pass().keep(fields);
-        static_cast<void>(resources.sections.map(records_ * sizeof(SectionRecord)));
-        resources.sections.unmap();
-        std::size_t first = 0;
-        for (const EllipsoidPart& part : job.ellipsoids) {
-            resources.section_pass().slice(part.kernels, *part.view, scope_.counting[part.field], resources.sections,
-                                           first);
-            first += part.kernels->size();
-        }
+        slice_kernels();
         static_cast<void>(resources.bounds.map(std::max<std::size_t>(leaves_, 1) * 8 * sizeof(float)));
         resources.bounds.unmap();
     }
@@ -168,6 +162,43 @@ void ComputeTiles::prepare() {
     resources.order.bind_storage(BUFFER_ORDER);
     resources.bounds.bind_storage(BUFFER_BOUNDS);
     find_bounds(parts);
+}
+
+void ComputeTiles::slice_kernels() const {
+    const Job& job = scope_.job;
+    Resources& resources = scope_.resources;
+    const bool rests = scope_.plan.precise_sections;
+    const std::size_t bytes = record_floats() * sizeof(float);
+    auto* records = static_cast<float*>(resources.sections.map(records_ * bytes));
+    // The pass on the device knows no filter.
+    for (const EllipsoidPart& part : job.ellipsoids) {
+        for (std::size_t kernel = 0; scope_.plan.filter && kernel < part.kernels->size(); ++kernel) {
+            const EyeKernel seen = part.view->kernel(kernel);
+            const std::int64_t anchor = part.view->anchor(seen, 0, scope_.frame.slices - 1);
+            SectionRest rest{};
+            SectionRecord record =
+                part.view->record(kernel, seen, anchor, rests ? &rest : nullptr, scope_.counting[part.field]);
+            record.reserved = rests ? 1.0F : 0.0F;
+            std::memcpy(records, &record, sizeof record);
+            if (rests) {
+                std::memcpy(records + sizeof record / sizeof(float), &rest, sizeof rest);
+            }
+            records += record_floats();
+        }
+    }
+    resources.sections.unmap();
+    std::size_t first = 0;
+    for (const EllipsoidPart& part : job.ellipsoids) {
+        if (!scope_.plan.filter) {
+            resources.section_pass().slice(part.kernels, *part.view, scope_.counting[part.field], resources.sections,
+                                           first, rests);
+        }
+        first += part.kernels->size();
+    }
+}
+
+std::size_t ComputeTiles::record_floats() const {
+    return (sizeof(SectionRecord) + (scope_.plan.precise_sections ? sizeof(SectionRest) : 0)) / sizeof(float);
 }
 
 void ComputeTiles::set_reach(const gl::Program& program) const {
@@ -181,7 +212,7 @@ void ComputeTiles::find_bounds(const std::vector<PartRecord>& parts) const {
         return;
     }
     const gl::Api& gl = scope_.gl;
-    gl::Defines defines;
+    gl::Defines defines{{"RECORD_SIZE", std::to_string(record_floats() / 4)}};
     if (scope_.plan.projection == Projection::perspective) {
         defines["PERSPECTIVE"] = "1";
     }
@@ -239,6 +270,8 @@ TileProgram ComputeTiles::program() const {
         }
     };
     switch_on("ELLIPSOIDS", !scope_.job.ellipsoids.empty());
+    switch_on("PRECISE_PLACES", plan.precise_sections);
+    set("RECORD_SIZE", static_cast<int>(record_floats() / 4));
     switch_on("HOLES", holes_);
     switch_on("DIVIDED", shape.divided);
     switch_on("WEIGHT_ALONE", shape.divided);
@@ -266,7 +299,7 @@ void ComputeTiles::run(const std::function<void(double)>& progress) {
     shading_.bind_inputs(program, 1);
     program.set("axis_px", f(scope_.axis_x()), f(scope_.axis_y()));
     program.set("first_depth", f(frame.first_depth));
-    program.set("exact_depth", frame.first_depth);
+    program.set("depth_of_first", frame.first_depth);
     program.set("exact_spacing", frame.slice_spacing);
     program.set("slice_spacing", f(frame.slice_spacing));
     program.set("last_slab_of_all", static_cast<int>(frame.slices - 1));

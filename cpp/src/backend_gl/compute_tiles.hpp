@@ -38,6 +38,9 @@ class ComputeTiles {
     [[nodiscard]] PartRecord kernels_record(const EllipsoidPart& part);
     /// What both kinds of fields have.
     [[nodiscard]] PartRecord record_of(std::size_t field) const;
+    [[nodiscard]] std::size_t record_floats() const;
+    /// Fills the buffer of records.
+    void slice_kernels() const;
     void find_bounds(const std::vector<PartRecord>& parts) const;
     [[nodiscard]] TileProgram program() const;
     /// How far kernels reach beyond their supports: slabs, pixels.

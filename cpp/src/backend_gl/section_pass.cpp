@@ -5,7 +5,7 @@
 #include "backend_gl/embedded_glsl.hpp"
 #include "base/memory.hpp"
 #include "interop.h"
-#include "plan/limits_common.hpp"
+#include "plan/limits_gl.hpp"
 
 namespace sheetsplat::backend_gl {
 
@@ -24,15 +24,19 @@ static_assert(sizeof(KernelVertex) == 112, "attributes are read at fixed places"
 SectionPass::SectionPass(const gl::Api& gl)
     : gl_(&gl), pixel_(gl, GL_RGBA8, 1, 1), nowhere_(gl, std::vector<gl::Attachment>{&pixel_}) {}
 
-const gl::Program& SectionPass::program(Projection projection) {
-    gl::Program& made = projection == Projection::perspective ? perspective_ : orthographic_;
+const gl::Program& SectionPass::program(Projection projection, bool rests) {
+    gl::Program& made = programs_[projection == Projection::perspective ? 1 : 0][rests ? 1 : 0];
     if (!made) {
         gl::Defines defines;
         if (projection == Projection::perspective) {
             defines["PERSPECTIVE"] = "1";
         }
-        made = gl::Program::capturing(*gl_, embedded_glsl(), "section.vert", defines, "#version 410 core",
-                                      {"record_place", "record_heights", "record_axes", "record_step"});
+        std::vector<std::string> captured{"record_place", "record_heights", "record_axes", "record_step"};
+        if (rests) {
+            defines["RESTS"] = "1";
+            captured.insert(captured.end(), {"rest_heights", "rest_axes", "rest_step"});
+        }
+        made = gl::Program::capturing(*gl_, embedded_glsl(), "section.vert", defines, "#version 410 core", captured);
     }
     return made;
 }
@@ -99,17 +103,17 @@ void SectionPass::slice(const std::shared_ptr<const EllipsoidField>& kernels, co
     }
     Entry& entry = entry_of(kernels);
     make_output(entry);
-    slice(kernels, view, counting, entry.output, 0);
+    slice(kernels, view, counting, entry.output, 0, false);
 }
 
 void SectionPass::slice(const std::shared_ptr<const EllipsoidField>& kernels, const EllipsoidView& view,
-                        const Counting& counting, const gl::Buffer& into, std::size_t first) {
+                        const Counting& counting, const gl::Buffer& into, std::size_t first, bool rests) {
     if (kernels->size() == 0 || view.frame().slices == 0) {
         return;
     }
     const Entry& entry = entry_of(kernels);
     const Frame& frame = view.frame();
-    const gl::Program& pass = program(frame.projection);
+    const gl::Program& pass = program(frame.projection, rests);
     pass.use();
     // The eye from the field's centre: what is left keeps its digits wherever both are.
     const Vec3 eye = view.eye_world() - kernels->centres_world().centre();
@@ -127,11 +131,13 @@ void SectionPass::slice(const std::shared_ptr<const EllipsoidField>& kernels, co
     pass.set("value_scale", view.value_scale());
     pass.set("weight_scale", view.weight_scale());
     pass.set("least_weight", least_drawn_weight);
+    pass.set("precise_aspect", gl_limits::largest_resident_aspect);
+    pass.set("least_px", gl_limits::least_plain_px);
+    const std::size_t bytes = sizeof(SectionRecord) + (rests ? sizeof(SectionRest) : 0);
     nowhere_.bind();
     entry.array.bind();
-    gl_->BindBufferRange(GL_TRANSFORM_FEEDBACK_BUFFER, 0, into.name(),
-                         static_cast<GLintptr>(first * sizeof(SectionRecord)),
-                         static_cast<GLsizeiptr>(kernels->size() * sizeof(SectionRecord)));
+    gl_->BindBufferRange(GL_TRANSFORM_FEEDBACK_BUFFER, 0, into.name(), static_cast<GLintptr>(first * bytes),
+                         static_cast<GLsizeiptr>(kernels->size() * bytes));
     gl_->Enable(GL_RASTERIZER_DISCARD);
     gl_->BeginTransformFeedback(GL_POINTS);
     gl_->DrawArrays(GL_POINTS, 0, static_cast<GLsizei>(kernels->size()));

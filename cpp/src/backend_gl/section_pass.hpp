@@ -20,9 +20,10 @@ class SectionPass {
     /// Slices all kernels of a view's field. `kernels` owns the field. counting: of its values.
     void slice(const std::shared_ptr<const EllipsoidField>& kernels, const EllipsoidView& view,
                const Counting& counting);
-    /// The same to a buffer of records, from number `first` on.
+    /// The same to a buffer of records, from number `first` on. rests: each record is followed by what float32 cut off
+    /// it, a SectionRest, and says which of the two it needs.
     void slice(const std::shared_ptr<const EllipsoidField>& kernels, const EllipsoidView& view,
-               const Counting& counting, const gl::Buffer& into, std::size_t first);
+               const Counting& counting, const gl::Buffer& into, std::size_t first, bool rests);
     /// The records of the field that was sliced last, or before it, as texels of a buffer.
     [[nodiscard]] const gl::BufferTexture& records(const EllipsoidField& field) const;
     /// Gives back what belongs to other fields.
@@ -39,12 +40,12 @@ class SectionPass {
     /// Storage for the records of a field, made at its first use.
     void make_output(Entry& entry) const;
     Entry& entry_of(const std::shared_ptr<const EllipsoidField>& kernels);
-    [[nodiscard]] const gl::Program& program(Projection projection);
+    [[nodiscard]] const gl::Program& program(Projection projection, bool rests);
 
     const gl::Api* gl_;
     std::map<const EllipsoidField*, Entry> entries_;
-    gl::Program orthographic_, perspective_;
-    gl::Texture pixel_; ///< of a framebuffer that is bound because a context without a window has none
+    gl::Program programs_[2][2]; ///< orthographic and perspective; with rests
+    gl::Texture pixel_;          ///< of a framebuffer that is bound because a context without a window has none
     gl::Framebuffer nowhere_;
 };
 

@@ -40,13 +40,13 @@ ComputeShape compute_shape(const DrawPlan& plan, const Scene& scene) {
     shape.planes = 1 + (plan.weight ? 1 : 0) + (slopes ? 3 : 0) + (slopes && plan.threshold ? 3 : 0);
     shape.border = plan.gradient && !plan.analytic_gradient ? 1 : 0;
     shape.divided = std::any_of(plan.own_sheets.begin(), plan.own_sheets.end(), [](int own) { return own >= 0; });
-    shape.scattered = std::any_of(scene.fields.begin(), scene.fields.end(),
-                                  [](const auto& field) { return as_ellipsoids(field.get()) != nullptr; });
+    shape.scattered = plan.filter || std::any_of(scene.fields.begin(), scene.fields.end(), [](const auto& field) {
+                          return as_ellipsoids(field.get()) != nullptr;
+                      });
     return shape;
 }
 
-std::string why_not_computed(const Scene& scene, const ViewFacts& view, const Capabilities& capabilities,
-                             const DrawPlan& plan) {
+std::string why_not_computed(const Scene& scene, const Capabilities& capabilities, const DrawPlan& plan) {
     if (capabilities.compute_memory == 0) {
         return "OpenGL " + capabilities.version + " has no compute programs";
     }
@@ -58,9 +58,6 @@ std::string why_not_computed(const Scene& scene, const ViewFacts& view, const Ca
     }
     if (plan.opacity_buffer) {
         return "the opacity buffer belongs to raster passes";
-    }
-    if (plan.filter) {
-        return "filtered kernels are sliced by the processor";
     }
     int lattices = 0;
     for (const auto& field : scene.fields) {
@@ -77,12 +74,6 @@ std::string why_not_computed(const Scene& scene, const ViewFacts& view, const Ca
     }
     if (lattices > most_computed_lattices) {
         return std::to_string(lattices) + " lattices are more than a compute program has volumes for";
-    }
-    if (view.kernels.ellipsoids) {
-        const bool tiny = view.screen_px.smallest_ellipsoid < least_plain_px;
-        if (tiny || view.shapes.largest_aspect > largest_resident_aspect) {
-            return "slender or tiny ellipsoids are placed in float64, batch by batch";
-        }
     }
     if (compute_shape(plan, scene).edge(capabilities) == 0) {
         return "sheets of so many groups do not fit into a work group's " +

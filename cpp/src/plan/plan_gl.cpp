@@ -224,7 +224,7 @@ Path requested_path(Path option) {
 /// Whether compute programs draw the tiles.
 void plan_path(const Scene& scene, const ViewFacts& view, const RendererOptions& options,
                const Capabilities& capabilities, Effects& effects, DrawPlan& plan) {
-    const std::string why_not = why_not_computed(scene, view, capabilities, plan);
+    const std::string why_not = why_not_computed(scene, capabilities, plan);
     if (options.path == Path::compute && !why_not.empty()) {
         throw Unsupported(Complaint{"the plan cannot be made", option_ref("path", "compute") + ": " + why_not,
                                     "a scene that compute programs draw", "use " + option_ref("path", "auto"), "path"});
@@ -237,6 +237,9 @@ void plan_path(const Scene& scene, const ViewFacts& view, const RendererOptions&
                   : plan.compute ? "the device is hardware: its compute units sum kernels faster than its rasteriser"
                                  : "software draws raster passes faster than compute programs");
     if (plan.compute) {
+        plan.precise_sections =
+            (view.kernels.ellipsoids || plan.filter) && (view.shapes.largest_aspect > largest_resident_aspect ||
+                                                         view.screen_px.smallest_ellipsoid < least_plain_px);
         plan.resident_sections = true;
         plan.elimination = false;
         plan.tagging = Tagging::off;

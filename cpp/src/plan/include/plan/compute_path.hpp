@@ -4,7 +4,6 @@
 #include <string>
 
 #include "base/capabilities.hpp"
-#include "facts/view_facts.hpp"
 #include "plan/make_plan.hpp"
 #include "sheetsplat/scene.hpp"
 
@@ -26,7 +25,6 @@ struct ComputeShape {
 ComputeShape compute_shape(const DrawPlan& plan, const Scene& scene);
 
 /// Why a plan cannot be drawn by compute programs; "" where it can.
-std::string why_not_computed(const Scene& scene, const ViewFacts& view, const Capabilities& capabilities,
-                             const DrawPlan& plan);
+std::string why_not_computed(const Scene& scene, const Capabilities& capabilities, const DrawPlan& plan);
 
 } // namespace sheetsplat

@@ -105,8 +105,9 @@ struct DrawPlan {
     /// Ellipsoids are sliced by one pass over all of them on the device, where the sections stay; else by the
     /// processor, batch by batch.
     bool resident_sections = false;
-    bool paper_slicing = false; ///< ellipsoids are sliced and drawn step by step as in [NM06]
-    int gaussian_cells = 1024;  ///< of the texture of the Gaussian, along each axis
+    bool precise_sections = false; ///< some ellipsoids are so slender or small that float64 places them
+    bool paper_slicing = false;    ///< ellipsoids are sliced and drawn step by step as in [NM06]
+    int gaussian_cells = 1024;     ///< of the texture of the Gaussian, along each axis
     /// Longest over shortest semi-axis from which on an ellipsoid is placed in float64.
     double precise_aspect = std::numeric_limits<double>::infinity();
     int slab_nodes = 0;  ///< quadrature nodes of slab means; 0: erf

@@ -47,7 +47,7 @@ layout(rgba32f, binding = IMAGE_DOUBT) uniform image2D doubt_image;
 
 uniform ivec2 first_tile;   // of this call: column and row of tiles
 uniform ivec2 picture_size; // pixels, without the border of one pixel around it
-uniform int steps;          // of four slabs, the last one included that finishes the last slab
+uniform ivec2 steps;        // of four slabs, the first of this call and the one behind its last
 
 Pixel load_pixel(ivec2 at) {
     Pixel so_far = empty_pixel();
@@ -113,7 +113,8 @@ void main() {
     back_planes = 0;
     make_empty();
     bool before = false; // something is in the slabs before the newest
-    for (int step = 0; step < steps; ++step) {
+    // A call that goes on where another ended sums the slabs before its first once more.
+    for (int step = max(steps.x - 1, 0); step < steps.y; ++step) {
         front_planes = back_planes;
         back_planes = half_of_sheets - back_planes;
         array_first = 4 * step - 4;
@@ -122,10 +123,8 @@ void main() {
             anything_left = false;
         }
         bool now = sum_slabs(4 * step);
-        if (now || before) {
-            if (shown && goes_on(so_far)) {
-                shade_slices(at, so_far);
-            }
+        if ((now || before) && step >= steps.x && shown && goes_on(so_far)) {
+            shade_slices(at, so_far);
         }
         before = now;
         if (shown && goes_on(so_far)) {
@@ -139,4 +138,7 @@ void main() {
     if (shown) {
         store_pixel(at, so_far);
     }
+#ifdef COUNTING
+    count_work();
+#endif
 }

@@ -28,7 +28,7 @@ using backend_gl::SliceLoopHooks;
 using backend_gl::Splatting;
 using backend_gl::Targets;
 
-constexpr std::array<std::pair<const char*, bool Comparators::*>, 8> names{{
+constexpr std::array<std::pair<const char*, bool Comparators::*>, 9> names{{
     {"gather", &Comparators::gather},
     {"preshaded", &Comparators::preshaded},
     {"quads", &Comparators::quads},
@@ -37,6 +37,7 @@ constexpr std::array<std::pair<const char*, bool Comparators::*>, 8> names{{
     {"average_opacity", &Comparators::average_opacity},
     {"bare_fill", &Comparators::bare_fill},
     {"count_fragments", &Comparators::count_fragments},
+    {"count_work", &Comparators::count_work},
 }};
 
 /// The product's GLSL files and the lab's.
@@ -126,6 +127,7 @@ class Hooks : public SliceLoopHooks {
         return on_.single_calls ? 1 : SliceLoopHooks::kernels_a_call();
     }
     [[nodiscard]] bool shades() const override { return !on_.bare_fill; }
+    [[nodiscard]] bool counts_work() const override { return on_.count_work; }
 
     void end_picture(Image& image) override {
         if (fragments_) {

@@ -49,6 +49,7 @@
 #define BUFFER_RECORDS 1
 #define BUFFER_ORDER 2
 #define BUFFER_BOUNDS 3
+#define BUFFER_COUNTS 4
 // Images that it writes.
 #define IMAGE_PICTURE 0
 #define IMAGE_DEPTH 1

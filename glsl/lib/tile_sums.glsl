@@ -64,6 +64,35 @@ Sums no_sums() {
     return sums;
 }
 
+#ifdef COUNTING
+// What a model of the time is made of: of each thread kernels times slabs that it adds, samples that it reads and barriers that it meets.
+// One counter a work group, so that no sum depends on their order.
+layout(std430, binding = BUFFER_COUNTS) buffer Counts { uvec4 counts[]; };
+shared uint group_counts[3];
+uvec3 my_counts = uvec3(0u);
+#define COUNT_SECTIONS(number) my_counts.x += uint(number)
+#define COUNT_SAMPLE my_counts.y += 1u
+#define COUNT_BARRIERS(number) my_counts.z += uint(number)
+
+void count_work() {
+    if (gl_LocalInvocationIndex < 3u) {
+        group_counts[gl_LocalInvocationIndex] = 0u;
+    }
+    barrier();
+    for (int n = 0; n < 3; ++n) {
+        atomicAdd(group_counts[n], my_counts[n]);
+    }
+    barrier();
+    if (gl_LocalInvocationIndex == 0u) {
+        counts[gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x] += uvec4(group_counts[0], group_counts[1], group_counts[2], 1u);
+    }
+}
+#else
+#define COUNT_SECTIONS(number)
+#define COUNT_SAMPLE
+#define COUNT_BARRIERS(number)
+#endif
+
 int my_number() { return int(gl_LocalInvocationIndex); }
 #define MY_SHEET(plane, of_group) sheets[(back_planes + (plane) + (of_group) * PLANES) * POINTS + my_number()]
 
@@ -114,6 +143,7 @@ void add_sections(Sections at, float value, float weight, mat2 unit, float step_
     slab_pieces = width < SIX_NODE_SLAB ? 1 : 4;
 #endif
     vec4 g = values(at);
+    COUNT_SECTIONS(4);
     sums.value += value * g;
 #ifdef SUM_WEIGHTS
     sums.weight += weights_of(weight, g);
@@ -168,6 +198,7 @@ int number_those(bool met, out int number) {
         atomicOr(flags[my_number() >> 5], 1u << (my_number() & 31));
     }
     barrier();
+    COUNT_BARRIERS(4);
     int total = 0;
     number = 0;
     for (int word = 0; word < (POINTS + 31) / 32; ++word) {
@@ -428,6 +459,7 @@ bool is_reached(int part, vec3 low, vec3 high) {
 // f - b of a sample, less its pivot; false where it is no kernel.
 bool is_kernel(int part, ivec3 sample_at, out float value) {
     value = sample_of(parts[part].kind.w, sample_at);
+    COUNT_SAMPLE;
 #ifdef HOLES
     if (isnan(value)) {
         return false;

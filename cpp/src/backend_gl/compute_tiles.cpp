@@ -22,6 +22,8 @@ namespace {
 constexpr double log2_e = 1.4426950408889634;
 /// Drivers end programs that run for a second or two: no call is expected to take longer than this.
 constexpr double seconds_a_call = 0.1;
+/// Steps of four slabs of the first call on a device, and the fewest of any: each sums one step twice.
+constexpr double first_steps = 16.0, least_steps = 4.0;
 
 float f(double value) { return static_cast<float>(value); }
 std::size_t over(std::size_t count, std::size_t by) { return (count + by - 1) / by; }
@@ -273,6 +275,7 @@ TileProgram ComputeTiles::program() const {
     switch_on("PRECISE_PLACES", plan.precise_sections);
     set("RECORD_SIZE", static_cast<int>(record_floats() / 4));
     switch_on("HOLES", holes_);
+    switch_on("COUNTING", scope_.hooks.counts_work());
     switch_on("DIVIDED", shape.divided);
     switch_on("WEIGHT_ALONE", shape.divided);
     switch_on("SLAB", plan.sampling == Sampling::slab);
@@ -281,6 +284,23 @@ TileProgram ComputeTiles::program() const {
     defines["FOUR_NODE_SLAB"] = std::to_string(four_node_slab);
     defines["SIX_NODE_SLAB"] = std::to_string(six_node_slab);
     return made;
+}
+
+void ComputeTiles::clear_counts(std::size_t groups) {
+    const std::vector<std::uint32_t> zeros(4 * groups);
+    scope_.resources.counts.upload(zeros.data(), zeros.size() * sizeof(std::uint32_t));
+    scope_.resources.counts.bind_storage(BUFFER_COUNTS);
+}
+
+void ComputeTiles::add_counts(std::size_t groups) {
+    scope_.gl.MemoryBarrier(GL_BUFFER_UPDATE_BARRIER_BIT);
+    std::vector<std::uint32_t> numbers(4 * groups);
+    scope_.resources.counts.read(numbers.data(), numbers.size() * sizeof(std::uint32_t));
+    for (std::size_t group = 0; group < groups; ++group) {
+        for (std::size_t n = 0; n < counts_.size(); ++n) {
+            counts_[n] += numbers[4 * group + n];
+        }
+    }
 }
 
 void ComputeTiles::run(const std::function<void(double)>& progress) {
@@ -304,7 +324,6 @@ void ComputeTiles::run(const std::function<void(double)>& progress) {
     program.set("slice_spacing", f(frame.slice_spacing));
     program.set("last_slab_of_all", static_cast<int>(frame.slices - 1));
     program.set("picture_size", tile.width, tile.height);
-    program.set("steps", static_cast<int>(scope_.steps.passes));
     set_reach(program);
     for (std::size_t number = 0; number < lattices_.size(); ++number) {
         const std::string element = "[" + std::to_string(number) + "]";
@@ -314,27 +333,41 @@ void ComputeTiles::run(const std::function<void(double)>& progress) {
         program.set("lattice_textures" + element, unit);
         program.set("block_textures" + element, unit + 1);
     }
+    shared_bytes_ = compute_shape(scope_.plan, *scope_.job.scene).bytes(how.edge);
+    threads_ = how.edge * how.edge;
     scope_.targets.bind_images();
     gl.MemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_SHADER_IMAGE_ACCESS_BARRIER_BIT);
     const int core = how.edge - 2 * how.border;
     const int across = (tile.width + core - 1) / core;
     const int down = (tile.height + core - 1) / core;
-    // As many rows of tiles a call as the last picture's time allows.
-    double& seconds = scope_.resources.seconds_a_tile;
-    int rows = 1;
-    for (int row = 0; row < down; row += rows) {
-        const auto started = Clock::now();
-        if (seconds > 0.0) {
-            rows = static_cast<int>(std::clamp(seconds_a_call / (seconds * across), 1.0, static_cast<double>(down)));
-        }
-        rows = std::min(rows, down - row);
+    // As much a call as the time of the one before allows: rows of tiles, or of one row some of its steps.
+    const auto steps = static_cast<int>(scope_.steps.passes);
+    double& seconds = scope_.resources.seconds_a_step;
+    const bool counting = scope_.hooks.counts_work();
+    for (int row = 0; row < down;) {
+        const double in_time = seconds > 0.0 ? seconds_a_call / (seconds * across) : first_steps;
+        const int rows = static_cast<int>(std::clamp(in_time / steps, 1.0, static_cast<double>(down - row)));
+        const int at_once = static_cast<int>(std::clamp(in_time / rows, least_steps, static_cast<double>(steps)));
         program.set("first_tile", 0, row);
-        gl.DispatchCompute(static_cast<GLuint>(across), static_cast<GLuint>(rows), 1);
-        if (row + rows < down) {
-            gl.Finish();
-            seconds = seconds_since(started) / (static_cast<double>(across) * rows);
+        if (counting) {
+            clear_counts(static_cast<std::size_t>(across) * static_cast<std::size_t>(rows));
         }
-        progress(static_cast<double>(row + rows) / down);
+        for (int step = 0; step < steps; step += at_once) {
+            const auto started = Clock::now();
+            program.set("steps", step, std::min(step + at_once, steps));
+            gl.DispatchCompute(static_cast<GLuint>(across), static_cast<GLuint>(rows), 1);
+            gl.MemoryBarrier(GL_SHADER_IMAGE_ACCESS_BARRIER_BIT);
+            if (row + rows < down || step + at_once < steps || seconds == 0.0) {
+                gl.Finish();
+                seconds =
+                    seconds_since(started) / (static_cast<double>(across) * rows * std::min(at_once, steps - step));
+            }
+            progress((row + static_cast<double>(rows) * std::min(step + at_once, steps) / steps) / down);
+        }
+        if (counting) {
+            add_counts(static_cast<std::size_t>(across) * static_cast<std::size_t>(rows));
+        }
+        row += rows;
     }
     gl.MemoryBarrier(GL_FRAMEBUFFER_BARRIER_BIT | GL_TEXTURE_UPDATE_BARRIER_BIT);
     gl::check_errors(gl, "computing tiles");

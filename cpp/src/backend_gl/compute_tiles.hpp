@@ -2,7 +2,9 @@
 // nothing but the picture is written to the device's memory.
 #pragma once
 
+#include <array>
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <vector>
 
@@ -30,6 +32,12 @@ class ComputeTiles {
     /// Kernels that were drawn.
     [[nodiscard]] std::size_t drawn() const { return drawn_; }
 
+    /// Where hooks count work: sections of kernels at points, samples that were read, barriers, over all threads.
+    [[nodiscard]] const std::array<std::uint64_t, 3>& counts() const { return counts_; }
+    /// What a work group takes.
+    [[nodiscard]] int shared_bytes() const { return shared_bytes_; }
+    [[nodiscard]] int threads() const { return threads_; }
+
   private:
     struct PartRecord;
     /// Uploads what the device does not have yet, slices ellipsoids and bounds them.
@@ -43,6 +51,8 @@ class ComputeTiles {
     void slice_kernels() const;
     void find_bounds(const std::vector<PartRecord>& parts) const;
     [[nodiscard]] TileProgram program() const;
+    void clear_counts(std::size_t groups);
+    void add_counts(std::size_t groups);
     /// How far kernels reach beyond their supports: slabs, pixels.
     void set_reach(const gl::Program& program) const;
 
@@ -51,6 +61,8 @@ class ComputeTiles {
     std::vector<const ResidentLattice*> lattices_;
     std::size_t parts_ = 0, records_ = 0, ordered_ = 0, leaves_ = 0, drawn_ = 0;
     bool holes_ = false;
+    std::array<std::uint64_t, 3> counts_{};
+    int shared_bytes_ = 0, threads_ = 0;
 };
 
 } // namespace sheetsplat::backend_gl

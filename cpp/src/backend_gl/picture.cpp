@@ -169,6 +169,13 @@ const Targets& Picture::draw_tile(const Tile& tile, std::size_t number, std::siz
         ComputeTiles computed(scope, classifies() ? &classification_ : nullptr);
         computed.run(report);
         drawn_ += computed.drawn();
+        image_.stats["shared_bytes"] = computed.shared_bytes();
+        image_.stats["threads_a_group"] = computed.threads();
+        if (hooks_.counts_work()) {
+            image_.stats["sections"] += static_cast<double>(computed.counts()[0]);
+            image_.stats["samples_read"] += static_cast<double>(computed.counts()[1]);
+            image_.stats["barriers"] += static_cast<double>(computed.counts()[2]);
+        }
         return scope.targets;
     }
     TileLoop loop(scope, classifies() ? &classification_ : nullptr);

@@ -22,8 +22,8 @@ Resources::Resources(const gl::Api& gl, const Capabilities& capabilities)
     : samples(gl, GL_ARRAY_BUFFER), boxes(gl, GL_ARRAY_BUFFER), records(gl, GL_ARRAY_BUFFER),
       rests(gl, GL_ARRAY_BUFFER), rectangles(gl, GL_ARRAY_BUFFER), parts(gl, GL_SHADER_STORAGE_BUFFER),
       sections(gl, GL_SHADER_STORAGE_BUFFER), order(gl, GL_SHADER_STORAGE_BUFFER), bounds(gl, GL_SHADER_STORAGE_BUFFER),
-      splat_array(gl), record_array(gl), rectangle_array(gl), gl_(&gl), sources_(&embedded_glsl()),
-      precise_(capabilities.at_least(4, 0)) {}
+      counts(gl, GL_SHADER_STORAGE_BUFFER), splat_array(gl), record_array(gl), rectangle_array(gl), gl_(&gl),
+      sources_(&embedded_glsl()), precise_(capabilities.at_least(4, 0)) {}
 
 const gl::Program& Resources::program(const ShaderVariant& variant) {
     auto key = std::make_pair(variant.vertex + " + " + variant.fragment, variant.defines);

@@ -37,8 +37,8 @@ class Resources {
 
     gl::Buffer samples, boxes, records, rests, rectangles;
     /// Of the compute path, as lib/tile_scene.glsl has them.
-    gl::Buffer parts, sections, order, bounds;
-    double seconds_a_tile = 0.0; ///< of the compute path's last picture; 0: not known
+    gl::Buffer parts, sections, order, bounds, counts;
+    double seconds_a_step = 0.0; ///< of one tile of the compute path, as last seen; 0: not known
     /// Made at their first use.
     SectionPass& section_pass();
     PaperSlicing& paper_slicing();

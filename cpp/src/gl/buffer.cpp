@@ -30,6 +30,13 @@ void Buffer::bind() const { handle_.api().BindBuffer(target_, name()); }
 
 void Buffer::bind_storage(GLuint index) const { handle_.api().BindBufferBase(GL_SHADER_STORAGE_BUFFER, index, name()); }
 
+void Buffer::read(void* to, std::size_t bytes) const {
+    const Api& gl = handle_.api();
+    gl.BindBuffer(GL_COPY_READ_BUFFER, name());
+    gl.GetBufferSubData(GL_COPY_READ_BUFFER, 0, static_cast<GLsizeiptr>(bytes), to);
+    check_errors(gl, "reading a buffer back");
+}
+
 void* Buffer::map(std::size_t bytes) {
     const Api& gl = handle_.api();
     // GL_COPY_WRITE_BUFFER, since binding to GL_ELEMENT_ARRAY_BUFFER would change the bound vertex array.

@@ -23,6 +23,7 @@ struct Comparators {
     bool average_opacity = false; ///< the opacity buffer drops kernels by the mean opacity over their box ([NM05] 4.4)
     bool bare_fill = false;       ///< the same rectangles of ellipsoids in one colour, and no shading: no picture
     bool count_fragments = false; ///< stats["fragments"]: fragments of splats
+    bool count_work = false;      ///< of the compute path: stats["sections"], ["samples_read"] and ["barriers"]
 };
 
 /// The names above, as Comparators::of takes them.

@@ -56,6 +56,9 @@ class SliceLoopHooks {
     /// False: batches are splatted and nothing is shaded.
     [[nodiscard]] virtual bool shades() const { return true; }
 
+    /// True: the compute path counts what its threads do, for the stats sections, samples_read and barriers.
+    [[nodiscard]] virtual bool counts_work() const { return false; }
+
     /// After the last tile; may add stats.
     virtual void end_picture(Image& /*image*/) {}
     /// After an exception; gives back what belongs to the context.

@@ -141,6 +141,8 @@ class Buffer {
     [[nodiscard]] std::size_t offset() const { return offset_; }
     /// The device has drawn everything that was written: the storage may be used again from its start.
     void rewind() { used_ = offset_ = 0; }
+    /// Waits for the device and copies the first bytes back.
+    void read(void* to, std::size_t bytes) const;
     /// map + copy + unmap
     void upload(const void* data, std::size_t bytes);
     /// map_next + copy + unmap

@@ -13,6 +13,7 @@ class Renderer:
         precision: str = "auto",
         tagging: str = "auto",
         packing: str = "auto",
+        path: str = "raster",
         effects: Mapping[str, bool] = ...,
         allow_inexact: bool = False,
         tile_size: int = 0,

@@ -26,8 +26,9 @@ Enum named(const char* what, const std::string& name, const std::array<Enum, cou
 }
 
 RendererOptions options_of(std::optional<int> device, const std::string& precision, const std::string& tagging,
-                           const std::string& packing, const std::map<std::string, bool>& effects, bool allow_inexact,
-                           int tile_size, int tags_per_clear) {
+                           const std::string& packing, const std::string& path,
+                           const std::map<std::string, bool>& effects, bool allow_inexact, int tile_size,
+                           int tags_per_clear) {
     RendererOptions options;
     options.backend = Backend::gl;
     options.device = device;
@@ -38,6 +39,7 @@ RendererOptions options_of(std::optional<int> device, const std::string& precisi
         "tagging", tagging,
         std::array{Tagging::automatic, Tagging::depth_bounds, Tagging::depth_equal, Tagging::tiles, Tagging::off});
     options.packing = named("packing", packing, std::array{Packing::automatic, Packing::paper, Packing::wide});
+    options.path = named("path", path, std::array{Path::automatic, Path::raster, Path::compute});
     options.effects = effects;
     options.allow_inexact = allow_inexact;
     options.tile_size = tile_size;
@@ -83,14 +85,14 @@ PYBIND11_MODULE(_sheetsplat_lab, module) {
     py::class_<LabRenderer>(module, "Renderer")
         .def(py::init([](const std::vector<std::string>& comparators, std::optional<int> device,
                          const std::string& precision, const std::string& tagging, const std::string& packing,
-                         const std::map<std::string, bool>& effects, bool allow_inexact, int tile_size,
-                         int tags_per_clear) {
+                         const std::string& path, const std::map<std::string, bool>& effects, bool allow_inexact,
+                         int tile_size, int tags_per_clear) {
                  return std::make_unique<LabRenderer>(comparators,
-                                                      options_of(device, precision, tagging, packing, effects,
+                                                      options_of(device, precision, tagging, packing, path, effects,
                                                                  allow_inexact, tile_size, tags_per_clear));
              }),
              py::arg("comparators"), py::kw_only(), py::arg("device") = py::none(), py::arg("precision") = "auto",
-             py::arg("tagging") = "auto", py::arg("packing") = "auto",
+             py::arg("tagging") = "auto", py::arg("packing") = "auto", py::arg("path") = "raster",
              py::arg("effects") = std::map<std::string, bool>{}, py::arg("allow_inexact") = false,
              py::arg("tile_size") = 0, py::arg("tags_per_clear") = 0)
         .def("plan", &LabRenderer::plan, py::arg("scene"), py::arg("camera"), py::kw_only(), py::arg("size"),

@@ -72,6 +72,8 @@ GlRenderer::~GlRenderer() {
 
 const Capabilities& GlRenderer::capabilities() const { return state_->capabilities; }
 
+void GlRenderer::set_rates(const DeviceRates& rates) { state_->capabilities.rates = rates; }
+
 void GlRenderer::render(const Job& job, Image& image) {
     const gl::Current current = state_->enter();
     if (!state_->resources) {

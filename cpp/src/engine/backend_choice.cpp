@@ -37,9 +37,22 @@ Backend requested_backend(Backend option) {
 /// What failed and why, without advice.
 Words reason_of(const Complaint& complaint) { return Complaint{complaint.what, complaint.found}.words(); }
 
+bool has_scattered(const Scene& scene) {
+    return std::any_of(scene.fields.begin(), scene.fields.end(),
+                       [](const auto& field) { return as_ellipsoids(field.get()) != nullptr; });
+}
+
+/// Whether a device that was measured is slower than the processor, however it draws.
+bool beaten_by_processor(const DeviceRates& rates, bool scattered) {
+    const auto& seconds = rates.of(scattered);
+    return rates.known &&
+           seconds[DeviceRates::processor] < std::min(seconds[DeviceRates::raster], seconds[DeviceRates::compute]);
+}
+
 /// The reference has one way of drawing: it cannot stand in for others that were asked for.
 bool asks_for_a_way(const RendererOptions& options) {
     return options.tagging != Tagging::automatic || options.packing == Packing::paper ||
+           options.path == Path::compute ||
            std::any_of(options.effects.begin(), options.effects.end(),
                        [](const auto& effect) { return effect.second; });
 }
@@ -71,8 +84,8 @@ bool BackendChoice::opens(Backend backend) {
     return at.open;
 }
 
-std::vector<Backend> BackendChoice::candidates(Backend asked) {
-    const Backend backend = requested_backend(asked);
+std::vector<Backend> BackendChoice::candidates(const RendererOptions& options, bool scattered) {
+    const Backend backend = requested_backend(options.backend);
     if (backend != Backend::automatic) {
         return {backend};
     }
@@ -84,7 +97,11 @@ std::vector<Backend> BackendChoice::candidates(Backend asked) {
             exact.push_back(traits.backend);
         } else if (!can(traits.backend, Ability::defines) && opens(traits.backend)) {
             const Capabilities* device = painter(traits.backend).capabilities();
-            const bool hardware = device == nullptr || !device->software || device_.has_value();
+            bool hardware = device == nullptr || !device->software || device_.has_value();
+            if (hardware && !device_ && options.path == Path::automatic) {
+                painter(traits.backend).measure();
+                hardware = device == nullptr || !beaten_by_processor(device->rates, scattered);
+            }
             (hardware ? fast : slow).push_back(traits.backend);
         }
     }
@@ -93,7 +110,7 @@ std::vector<Backend> BackendChoice::candidates(Backend asked) {
     return fast;
 }
 
-std::string BackendChoice::why_first() {
+std::string BackendChoice::why_first(bool scattered) {
     std::string all;
     for (const BackendTraits& traits : backend_table) {
         if (can(traits.backend, Ability::exact) || can(traits.backend, Ability::defines)) {
@@ -106,6 +123,8 @@ std::string BackendChoice::why_first() {
         } else if (const Capabilities* device = painter(traits.backend).capabilities();
                    !device_ && device != nullptr && device->software) {
             why = interface + " here is software (" + device->renderer + ")";
+        } else if (device != nullptr && !device_ && beaten_by_processor(device->rates, scattered)) {
+            why = "the processor was faster than " + interface + " (" + device->renderer + ") when both were measured";
         }
         all += (all.empty() ? "" : ", ") + why;
     }
@@ -113,7 +132,10 @@ std::string BackendChoice::why_first() {
 }
 
 DrawPlan BackendChoice::plan_on(Backend backend, const Request& request, const ViewFacts& facts) {
-    const Painter& device = painter(backend);
+    Painter& device = painter(backend);
+    if (request.options.path == Path::automatic && can(backend, Ability::ways)) {
+        device.measure();
+    }
     DrawPlan plan = make_plan(request.scene, facts, request.options, request.outputs, request.camera.projection(),
                               backend, device.capabilities());
     const std::string description = device.description(request.options.threads);
@@ -153,7 +175,7 @@ Complaint BackendChoice::with_other_backend(Complaint complaint, Backend refused
 }
 
 DrawPlan BackendChoice::choose_plan(const Request& request, const ViewFacts& facts) {
-    const std::vector<Backend> backends = candidates(request.options.backend);
+    const std::vector<Backend> backends = candidates(request.options, has_scattered(request.scene));
     if (requested_backend(request.options.backend) != Backend::automatic) {
         try {
             return plan_on(backends.front(), request, facts);
@@ -176,7 +198,8 @@ DrawPlan BackendChoice::choose_plan(const Request& request, const ViewFacts& fac
     for (const Backend backend : backends) {
         try {
             DrawPlan plan = plan_on(backend, request, facts);
-            plan.summary.device += "; auto: " + (reasons.empty() ? why_first() : reasons.text());
+            plan.summary.device +=
+                "; auto: " + (reasons.empty() ? why_first(has_scattered(request.scene)) : reasons.text());
             return plan;
         } catch (const Unsupported& error) {
             const std::string name = (reasons.empty() ? "backend " : "; backend ") + std::string(to_string(backend));

@@ -23,8 +23,9 @@ class BackendChoice {
     BackendChoice(const BackendChoice&) = delete;
     BackendChoice& operator=(const BackendChoice&) = delete;
 
-    /// Backends in the order in which they are tried. Throws InvalidInput where SHEETSPLAT_BACKEND names none.
-    std::vector<Backend> candidates(Backend asked);
+    /// Backends in the order in which they are tried. scattered: the scene has scattered kernels. Throws InvalidInput
+    /// where SHEETSPLAT_BACKEND names none.
+    std::vector<Backend> candidates(const RendererOptions& options, bool scattered);
     /// The plan of the first candidate that supports the scene; its device says why it was chosen. Where none does,
     /// that of the reference, unless the options ask for ways of drawing that it has not. Throws Unsupported: of a
     /// backend that was named, with its reason and a backend that draws the scene; else with the reasons of all
@@ -45,7 +46,7 @@ class BackendChoice {
     /// Whether a backend's device is there.
     bool opens(Backend backend);
     /// Why `auto` tries the backend that it tries first.
-    [[nodiscard]] std::string why_first();
+    [[nodiscard]] std::string why_first(bool scattered);
     /// None where the backend refuses the scene, or is not there.
     std::optional<DrawPlan> try_plan(Backend backend, const Request& request, const ViewFacts& facts);
     /// What a backend refused, with the advice to use another one that draws the scene, where there is one.

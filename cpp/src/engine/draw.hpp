@@ -17,7 +17,6 @@
 
 namespace sheetsplat {
 
-
 /// A requested picture, and the options that it is drawn with.
 struct Request {
     const Scene& scene;

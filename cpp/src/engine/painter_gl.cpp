@@ -1,4 +1,5 @@
 // Backend gl as the engine asks for it: batches and walks through cells for views, drawn by a device.
+#include "device_rates.hpp"
 #include "painters.hpp"
 
 #include "backend_gl/gl_renderer.hpp"
@@ -22,6 +23,13 @@ class GlPainter : public Painter {
     }
     [[nodiscard]] const Capabilities* capabilities() const override {
         return renderer_ ? &renderer_->capabilities() : nullptr;
+    }
+    void measure() override {
+        // Software is slower than the processor that it runs on.
+        const Capabilities& capabilities = renderer_->capabilities();
+        if (!capabilities.rates.known && !capabilities.software && capabilities.compute_memory > 0) {
+            renderer_->set_rates(measured_rates(capabilities, device_));
+        }
     }
     void draw(const Request& request, const Prepared& prepared, const Indexed& indexed, Image& image,
               std::vector<float>& doubts) override {

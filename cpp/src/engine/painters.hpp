@@ -24,6 +24,8 @@ class Painter {
     virtual void open() {}
     /// Of the open device; null where plans need none.
     [[nodiscard]] virtual const Capabilities* capabilities() const { return nullptr; }
+    /// Measures what the open device is worth beside others, for plans that choose by it.
+    virtual void measure() {}
     /// The device in words, where the plan does not name it. threads: RendererOptions::threads.
     [[nodiscard]] virtual std::string description(int /*threads*/) const { return {}; }
     /// Fills the picture, and its stats: kernels_drawn, bytes_view and bytes_device (not of a backend that defines

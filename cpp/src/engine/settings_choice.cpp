@@ -192,7 +192,7 @@ const Chosen* Renderer::State::choose(const Request& request) {
     auto made = std::make_unique<Chosen>(Chosen{request.scene, request.camera, request.size});
     const bool large = !surface && pixels >= excerpted * pilot_pixels;
     Pilots pilots(*this, request, start, larger, large ? Pilots::Part::searched : Pilots::Part::whole);
-    const std::vector<Backend> backends = backends_.candidates(options_.backend);
+    const std::vector<Backend> backends = backends_.candidates(options_, false);
     const bool may_be_float64 =
         options_.precision == Precision::automatic &&
         std::find(backends.begin(), backends.end(), backend_that(Ability::exact)) != backends.end();

@@ -205,7 +205,8 @@ struct Switch {
     void (*off)(Capabilities&);
 };
 
-constexpr std::array<Switch, 5> switches = {{
+constexpr std::array<Switch, 6> switches = {{
+    {"software", [](Capabilities& c) { c.software = false; }}, // a device in software counts as hardware
     {"compute", [](Capabilities& c) { c.compute_memory = 0; }},
     {"debug_output", [](Capabilities& c) { c.debug_output = false; }},
     {"depth_bounds", [](Capabilities& c) { c.depth_bounds = false; }},

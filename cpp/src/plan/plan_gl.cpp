@@ -221,6 +221,8 @@ Path requested_path(Path option) {
                                  "auto, raster or compute", "correct the environment variable, or unset it"});
 }
 
+std::string milliseconds(double seconds) { return std::isfinite(seconds) ? number(1e3 * seconds) + " ms" : "failed"; }
+
 /// Whether compute programs draw the tiles.
 void plan_path(const Scene& scene, const ViewFacts& view, const RendererOptions& options,
                const Capabilities& capabilities, Effects& effects, DrawPlan& plan) {
@@ -230,10 +232,17 @@ void plan_path(const Scene& scene, const ViewFacts& view, const RendererOptions&
                                     "a scene that compute programs draw", "use " + option_ref("path", "auto"), "path"});
     }
     const Path path = requested_path(options.path);
-    plan.compute = why_not.empty() && path != Path::raster && (path == Path::compute || !capabilities.software);
+    const auto& seconds = capabilities.rates.of(view.kernels.ellipsoids);
+    const bool faster = capabilities.rates.known ? seconds[DeviceRates::compute] <= seconds[DeviceRates::raster]
+                                                 : !capabilities.software;
+    plan.compute = why_not.empty() && path != Path::raster && (path == Path::compute || faster);
     effects.state(EffectId::computed_tiles, plan.compute,
-                  !why_not.empty()          ? why_not
-                  : path != Path::automatic ? std::string("path ") + to_string(path) + " was asked for"
+                  !why_not.empty()           ? why_not
+                  : path != Path::automatic  ? std::string("path ") + to_string(path) + " was asked for"
+                  : capabilities.rates.known ? "measured on this device, small pictures: compute " +
+                                                   milliseconds(seconds[DeviceRates::compute]) + ", raster " +
+                                                   milliseconds(seconds[DeviceRates::raster]) + ", processor " +
+                                                   milliseconds(seconds[DeviceRates::processor])
                   : plan.compute ? "the device is hardware: its compute units sum kernels faster than its rasteriser"
                                  : "software draws raster passes faster than compute programs");
     if (plan.compute) {

@@ -72,6 +72,8 @@ class GlRenderer {
     GlRenderer& operator=(const GlRenderer&) = delete;
 
     [[nodiscard]] const Capabilities& capabilities() const;
+    /// What plans may know of the device's speed.
+    void set_rates(const DeviceRates& rates);
     /// Fills the picture and adds to its stats. Throws OutOfMemory, Cancelled, Error.
     void render(const Job& job, Image& image);
 

@@ -2,11 +2,25 @@
 // context.
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
 
 namespace sheetsplat {
+
+/// Seconds of small pictures on a device of OpenGL and on the processor beside it (engine/device_rates.hpp).
+struct DeviceRates {
+    enum Way : std::uint8_t { raster, compute, processor };
+    static constexpr std::size_t ways = 3;
+
+    bool known = false;
+    std::array<double, ways> lattice{}, scattered{}; ///< infinite: it failed
+    [[nodiscard]] const std::array<double, ways>& of(bool has_scattered) const {
+        return has_scattered ? scattered : lattice;
+    }
+};
 
 struct Capabilities {
     std::string platform; ///< egl | surfaceless | osmesa
@@ -32,6 +46,7 @@ struct Capabilities {
     int max_volume_size = 256;           ///< of a 3D texture, along each axis
     int compute_memory = 0;              ///< bytes that a work group shares; 0: no compute programs
     int max_buffer_texels = 65536;       ///< of a buffer texture
+    DeviceRates rates{};                 ///< where they were asked for
     std::vector<std::string> extensions; ///< of those that are used
     std::vector<std::string>
         workarounds; ///< names of the work-arounds in force (gl/capabilities.cpp tells what each is for)

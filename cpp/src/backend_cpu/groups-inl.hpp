@@ -29,10 +29,11 @@ template <class T>
 struct GroupSlab {
     Slab<T> slab;
     GradientScale<T> scale;
+    SuppliedColors<T> colors;
 
     GroupSlab(const Slab<T>& first, std::size_t number)
         : slab(first.shading, first.shape, first.window, first.picture, number),
-          scale(slab.shading, slab.group, slab.window.n) {}
+          scale(slab.shading, slab.group, slab.window.n), colors(slab) {}
 };
 
 template <class T>
@@ -101,8 +102,7 @@ struct Mixture {
 
 /// What a group takes of a row, and its colours. Returns whether there is anything.
 template <bool perspective, class Kind, class T>
-HWY_INLINE bool take(const GroupSlab<T>& of, const Kind& kind, EffectRow<T>& row, const Columns& here,
-                     const Columns& after) {
+HWY_INLINE bool take(GroupSlab<T>& of, const Kind& kind, EffectRow<T>& row, const Columns& here, const Columns& after) {
     const Columns own = of.slab.columns_of_group(row.y, 0, here);
     if (!see(of.slab, kind, row, own, Kind::between ? of.slab.columns_of_group(row.y, 1, after) : after)) {
         return false;
@@ -112,7 +112,7 @@ HWY_INLINE bool take(const GroupSlab<T>& of, const Kind& kind, EffectRow<T>& row
     if (!classify<perspective, true>(kind, row)) {
         return false;
     }
-    recolor<Kind::between, Kind::between>(of.slab, row);
+    recolor<Kind::between, Kind::between>(of.colors, row);
     shade_colors<perspective>(of.slab, row, of.scale);
     return true;
 }
@@ -120,13 +120,13 @@ HWY_INLINE bool take(const GroupSlab<T>& of, const Kind& kind, EffectRow<T>& row
 /// Mode composite.
 template <bool perspective, class T>
 HWY_NOINLINE void mix_groups(const Slab<T>& first) {
-    const std::vector<GroupSlab<T>> slabs = group_slabs(first);
+    std::vector<GroupSlab<T>> slabs = group_slabs(first);
     EffectRow<T> row;
     Mixture<T> mixture;
     const auto draw = [&](const Columns& here, const Columns& after) {
         mixture.clear(row);
         bool any = false;
-        for (const GroupSlab<T>& of : slabs) {
+        for (GroupSlab<T>& of : slabs) {
             if (!of.slab.group.classified) {
                 continue;
             }
@@ -364,7 +364,7 @@ template <bool perspective, class T>
 HWY_NOINLINE void find_all_crossings(const Slab<T>& first) {
     using V = typename Slab<T>::V;
     const typename Slab<T>::D d;
-    const std::vector<GroupSlab<T>> slabs = group_slabs(first);
+    std::vector<GroupSlab<T>> slabs = group_slabs(first);
     EffectRow<T> row;
     CrossedRow<T> crossed;
     crossed.groups.resize(slabs.size());
@@ -372,7 +372,7 @@ HWY_NOINLINE void find_all_crossings(const Slab<T>& first) {
         if (!see_group(group, crossed, row)) {
             return;
         }
-        const GroupSlab<T>& of = slabs[group];
+        GroupSlab<T>& of = slabs[group];
         const SurfaceTable<T>& table = of.slab.group.surface_table;
         find_gradients_of<perspective, true>(of.slab, row, of.scale);
         row.classify_by([&](int x, int number, auto seen, auto& color) {
@@ -383,7 +383,7 @@ HWY_NOINLINE void find_all_crossings(const Slab<T>& first) {
                                              elements(d, table.falling_opacities, rank));
             return hn::IfThenElseZero(seen, opacity);
         });
-        recolor<false, true>(of.slab, row);
+        recolor<false, true>(of.colors, row);
         shade_colors<perspective>(of.slab, row, of.scale);
         row.for_each(row.alpha, [&](int x, int number, auto visible) {
             const std::ptrdiff_t at = first.in_plane(row.y) + x;

@@ -217,7 +217,6 @@ Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& f
     shading.axis_y = frame.axis_y - 0.5;
     shading.pixel = frame.pixel;
     add_effects(scene, camera, frame, plan, inputs, volumes, shading);
-    shading.by_effects = shading.by_effects || shading.groups.size() > 1;
     return shading;
 }
 

@@ -99,6 +99,15 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
                    ? number<T>(pivot_of(*job.scene->fields[field]) / plan.unit_of(field))
                    : T(0);
     };
+    /// The group whose weights a field has too, that is summed beside another one.
+    const auto weighs_as = [&](std::size_t field) -> const GroupSheets<T>* {
+        for (const EllipsoidPart& part : job.ellipsoids) {
+            if (part.beside && part.beside->field == field) {
+                return &setup.groups[group_drawn_of(*job.scene, part.field)];
+            }
+        }
+        return nullptr;
+    };
     // A field that is all of its group is divided in the group's sheets; each of several has two of its own.
     const std::vector<Group> groups = groups_drawn(*job.scene);
     setup.label_sets = label_sets(groups);
@@ -107,7 +116,10 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
         sheets.rho_channel = setup.channels++;
         sheets.threshold = group.last - group.first == 1 && is_divided(group.first);
         const bool shared_weight = sheets.threshold || setup.keep_weight;
-        if (shared_weight) {
+        const GroupSheets<T>* weighed = weighs_as(group.first);
+        if (weighed != nullptr) {
+            sheets.weight_channel = weighed->weight_channel;
+        } else if (shared_weight) {
             sheets.weight_channel = setup.channels++;
         }
         if (setup.slopes) {
@@ -160,6 +172,11 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     }
     for (const EllipsoidPart& part : job.ellipsoids) {
         add_part(part.field);
+        if (part.beside) {
+            PartProfile<T>& profile = setup.parts.back();
+            profile.other_channel = setup.groups[group_drawn_of(*job.scene, part.beside->field)].rho_channel;
+            profile.other_pivot = static_cast<double>(pivot(part.beside->field)) * plan.unit_of(part.beside->field);
+        }
     }
     return setup;
 }

@@ -144,8 +144,13 @@ class TileLoop {
         Target<T> targets[covered_slices];
         for (int slice = 0; slice < covered_slices; ++slice) {
             const auto sheet = [&](int channel) { return channel >= 0 ? ring_.plane(n + slice, channel) : nullptr; };
-            targets[slice] = {sheet(profile.value_channel), sheet(profile.weight_channel),       shape_.stride,
-                              sheet(profile.slope_channel), sheet(profile.weight_slope_channel), ring_.elements()};
+            targets[slice] = {sheet(profile.value_channel),
+                              sheet(profile.weight_channel),
+                              sheet(profile.other_channel),
+                              shape_.stride,
+                              sheet(profile.slope_channel),
+                              sheet(profile.weight_slope_channel),
+                              ring_.elements()};
         }
         Splat<T, slopes> splat{setup_, profile, live_, static_cast<std::int32_t>(n), targets, part.waiting_for(n)};
         // One slice can hold very many kernels. (Where the picture is given up, so are the sheets.)

@@ -30,9 +30,11 @@ struct PartProfile {
     bool integrates = false;
     int value_channel = 0;
     int weight_channel = -1; ///< -1: weights are not summed
+    int other_channel = -1;  ///< values of the field beside (EllipsoidPart::beside); -1: there is none
     /// The first of three: derivatives over columns, rows and slices. -1: not summed.
     int slope_channel = -1, weight_slope_channel = -1;
-    double pivot = 0.0;     ///< what values are counted from
+    double pivot = 0.0; ///< what values are counted from
+    double other_pivot = 0.0;
     bool at_points = false; ///< nothing is splatted: GroupShading::summed_at_points
 };
 

@@ -50,6 +50,7 @@ GroupShading<T> group_of(const Group& of, const ShadingInputs::OfGroup& inputs, 
         }
     }
     group.surface_table = make_surface_table(group.surfaces);
+    group.at_zero = is_composited(plan.mode) && group.transfer.below < T(0) && group.transfer.above > T(0);
     group.weakest_gradient = inputs.weakest_gradient;
     group.least_weight = number<T>(inputs.least_weight);
     group.full_gradient = inputs.full_gradient;

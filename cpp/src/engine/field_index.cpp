@@ -132,6 +132,21 @@ bool lie_alike(const EllipsoidField& a, const EllipsoidField& b) {
            one.rotations == other.rotations;
 }
 
+/// Whether labels are shown in no cell whose corners have none of them: all corners then have the one label that is not
+/// shown. Of kernels of radius 2 and falloff 5 those of a cell's corners add up to more than all others, by a tenth of
+/// C at least; so do those of an outermost layer that is mirrored.
+bool corners_decide(const GroupRange& set, const std::vector<Group>& groups, const Scene& scene, const DrawPlan& plan) {
+    const auto compared = [](const Group& group) { return group.use.role == GroupRole::compared; };
+    const auto begin = groups.begin() + static_cast<std::ptrdiff_t>(set.first);
+    const auto end = groups.begin() + static_cast<std::ptrdiff_t>(set.last);
+    const RegularField& field = *as_regular(scene.fields[begin->first].get());
+    // (Not where labels have corners of the lattice, beyond which nothing is mirrored.)
+    const bool mirrored = field.domain() || (scene.counted && scene.counted->filled);
+    return std::count_if(begin, end, compared) == 1 && field.lattice() == Lattice::cartesian && mirrored &&
+           field.options().radius == 2.0 && field.kernel().falloff == 5.0 && !field.has_holes() && !plan.filter &&
+           !scene.part;
+}
+
 /// Of kernels that lie alike.
 bool weigh_alike(const EllipsoidField& a, const EllipsoidField& b) {
     return a.arrays().weights == b.arrays().weights && a.kernel().falloff == b.kernel().falloff;
@@ -253,7 +268,7 @@ std::vector<SeenBeside> FieldIndex::seen_beside(std::size_t number, const Scene&
                     return {};
                 }
                 if (groups[group].use.role == GroupRole::label) {
-                    near.push_back({other});
+                    near.push_back({other, 0.0, 0.0, corners_decide(set, groups, scene, plan)});
                 }
             }
         }

@@ -313,3 +313,35 @@ def test_figures_have_a_legend_of_labels():
     many = ss.LabelColors.distinct(range(1, 120))
     shown = ss.render(ss.RegularField(things(), labels=True), transfer_function=many, size=20)
     assert 20 < len(color_bars(shown)[0].names) <= 40
+
+
+def test_corners_of_a_cell_outweigh_all_other_kernels():
+    """So that a label shows in no cell whose corners are all of another one, and the background is drawn no farther."""
+    at = np.stack(np.meshgrid(*3 * [np.linspace(0, 1, 21)], indexing="ij"), axis=-1)
+    offsets = np.stack(np.meshgrid(*3 * [np.arange(-2, 4)], indexing="ij"), axis=-1).reshape(-1, 3)
+    weights = [np.maximum(0, np.exp(-1.25 * ((at - one) ** 2).sum(axis=-1)) - np.exp(-5)) for one in offsets]
+    corners = sum(one for one, offset in zip(weights, offsets, strict=True) if set(offset) <= {0, 1})
+    assert ((2 * corners - sum(weights)) / sum(weights)).min() > 0.1
+
+
+def test_the_background_is_drawn_around_cells_of_labels():
+    size, radius = 24, 5
+    places = np.stack(np.meshgrid(*3 * [np.arange(size)], indexing="ij"), axis=-1)
+    ball = ((places - size // 2) ** 2).sum(axis=-1) <= radius**2
+    near = np.zeros(ball.shape, bool)
+    for offset in np.stack(np.meshgrid(*3 * [np.arange(-4, 5)], indexing="ij"), axis=-1).reshape(-1, 3):
+        # From the box of all cells around a sample of the label on.
+        if (np.maximum(np.abs(offset) - 1, 0) ** 2).sum() < 4:
+            near |= np.roll(ball, tuple(offset), axis=(0, 1, 2))
+    field = ss.RegularField(ball.astype(np.uint8), labels=True)
+    scene = ss.Scene(field, ss.LabelColors({1: (1, 0, 0)}), slice_spacing=1.0)
+    camera = ss.Camera.fit(field, direction=(1, 0.7, 0.3))
+    pictures = [ss.Renderer(one).render(scene, camera, (40, 40)) for one in ("reference", "cpu")]
+    assert pictures[1].stats["kernels_visible"] == near.sum()
+    assert np.abs(pictures[0].rgba - pictures[1].rgba).max() < 2e-5 < pictures[0].rgba.max()
+    # Where a third label is no more shown than the background, two of them may share a cell's corners.
+    parted = np.where(ball, 1, np.where(places[..., 0] < size // 2, 0, 2)).astype(np.uint8)
+    two = ss.Scene(ss.RegularField(parted, labels=True), ss.LabelColors({1: (1, 0, 0)}), slice_spacing=1.0)
+    pictures = [ss.Renderer(one).render(two, camera, (40, 40)) for one in ("reference", "cpu")]
+    assert pictures[1].stats["kernels_visible"] > near.sum()
+    assert np.abs(pictures[0].rgba - pictures[1].rgba).max() < 2e-5

@@ -199,7 +199,7 @@ class BrickedField(RegularField):
             # The one that it set itself.
             del options["normalization"]
         made = BrickedField(self.source, self.survey, self.brick, **one_place({**options, **changes}, changes))
-        return made._told_by(self).probed_by(self._prober)
+        return made.told_by(self).probed_by(self._prober)
 
     def probed_by(self, prober: Prober | None) -> BrickedField:
         """Return the same field with what reads bricks for values at points."""

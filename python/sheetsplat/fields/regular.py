@@ -347,9 +347,9 @@ class RegularField(Stating, Field):
         made = RegularField(self.values if values is None else values, **one_place({**options, **changes}, changes))
         if values is None:
             made._colors = colors
-        return made._told_by(self)
+        return made.told_by(self)
 
-    def _told_by(self, other: RegularField) -> Self:
+    def told_by(self, other: RegularField) -> Self:
         """Return the same field with what another one of its samples says about them."""
         same = {name: getattr(other, name) for name in ("_opened", "_orientation", "_trim", "_stated")}
         told = self._with(**same, _weighting=other._weighting_of(self.shape))
@@ -503,7 +503,7 @@ class RegularField(Stating, Field):
 
     def field_of_label(self, label: int) -> RegularField:
         """Return the field that is 1 at the samples of a label and 0 elsewhere. OutOfMemory where it does not fit."""
-        return self._with(native=self.part_of_label(label), _labels=False, _base=0.0)
+        return self._with(native=self.part_of_label(label), _labels=False, _base=0.0, _parts_made={})
 
     @property
     def colored(self) -> bool:

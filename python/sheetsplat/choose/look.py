@@ -155,10 +155,7 @@ def _has_own_look(field: Field, mode: str, options: Mapping[str, Any]) -> bool:
 def _own_look(field: Field, mode: str, iso_value: Any, options: Mapping[str, Any]) -> TransferFunction:
     """Return the transfer function of a field that is a group of its own."""
     if is_labelled(field):
-        distinct, stated = LabelColors.distinct(field.labels_found), field.label_colors
-        if stated is None:
-            return distinct
-        return LabelColors({**distinct.colors, **stated.colors}, stated.names, stated.background)
+        return LabelColors.completed(field.label_colors, field.labels_found)
     if is_colored(field):
         return _IDENTITY
     assert isinstance(field, RegularField)

@@ -88,7 +88,7 @@ def _refusal(field: RegularField) -> str:
     if not isinstance(field, BrickedField) and _BYTES * samples.size > _SHARE * _memory.available():
         return f"plain sums: the coefficients would take {_BYTES * samples.size / 1e6:,.0f} MB"
     if samples.dtype.kind != "f" and _is_of_classes(samples):
-        return f"plain sums: up to {_FEWEST_VALUES} different values are classes, between which there is nothing"
+        return f"plain sums: up to {_FEWEST_VALUES} different values are classes; labels=True shows them as things"
     noise = noise_of(field)
     if noise > LARGEST_NOISE:
         return f"plain sums: {100.0 * noise:.3g} % of what the samples vary is noise, which coefficients would amplify"

@@ -25,7 +25,7 @@ from sheetsplat.fields import Bricked, BrickedField, BrickedKernels, Field, Regu
 from sheetsplat.limits import Depths
 from sheetsplat.plan import RenderPlan
 from sheetsplat.scene import Scene
-from sheetsplat.supersampling import fine_depths, fine_size
+from sheetsplat.supersampling import fine_size
 
 # Coefficients of a prefilter exceed the samples at most so many times more than its condition says.
 _LARGER = 1.05
@@ -70,6 +70,8 @@ def view_of(
 ) -> BrickView:
     """Return what a picture needs of each brick of the field of a scene: a pixel for each of its samples.
 
+    depth_limit: of each sample.
+
     Raises
     ------
     Unsupported
@@ -91,7 +93,7 @@ def view_of(
         camera,
         fine_size(size, scene.supersampling),
         outputs,
-        fine_depths(depth_limit, scene.supersampling),
+        depth_limit,
         one_backend(settings),
     )
     if whole.lattice is None or not isinstance(field.source, BrickSource) or not field.source.coarser:

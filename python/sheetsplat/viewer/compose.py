@@ -26,6 +26,7 @@ from sheetsplat.options.core import MODES
 from sheetsplat.options.look import DEFAULT_CMAP
 from sheetsplat.options.picture import unused
 from sheetsplat.scene import Scene
+from sheetsplat.slice_planes import PLANE_CMAP, with_colors
 from sheetsplat.transfer import TransferFunction, color_rows
 from sheetsplat.viewer.data import Histogram, Shown
 from sheetsplat.viewer.label_look import LabelLook
@@ -65,6 +66,9 @@ def scene_of(shown: Shown, state: State) -> Scene:
     surfaces: tuple[Surface, ...] | None = changes.pop("surfaces", None)
     for name in ("backdrop", *OF_COLORING):
         changes.pop(name, None)
+    if "slice_planes" in changes:
+        own = shown.options.get("slice_cmap", PLANE_CMAP), shown.options.get("slice_clim")
+        changes["slice_planes"] = with_colors(changes["slice_planes"], *own)
     # They come back with a mode that uses them.
     for name in unused(base.mode, list(changes)):
         del changes[name]

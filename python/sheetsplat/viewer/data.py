@@ -35,6 +35,7 @@ from sheetsplat.options.renderer import RendererOptions
 from sheetsplat.options.scene import SceneOptions
 from sheetsplat.plan import PictureQuality
 from sheetsplat.scene import Scene
+from sheetsplat.slice_planes import OF_PLANES
 from sheetsplat.viewer.arrays import arrays_of
 from sheetsplat.viewer.coarse import coarse_fields
 
@@ -304,6 +305,9 @@ class Shown:
         opened = self._open(choice, time)
         first = self.options.get("mode") or MODES[0]
         options = self._colored(choice, time, mode or first, coloring)
+        if not options.get("slice_planes"):
+            # They are of planes that the page may show.
+            options = {name: one for name, one in options.items() if name not in OF_PLANES}
         if isinstance(opened.data, Scene):
             made = prepare(opened, **options)
             changed = made.scene if mode in (None, made.scene.mode) else _in_mode(made.scene, str(mode), options)

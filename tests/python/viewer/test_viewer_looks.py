@@ -135,12 +135,26 @@ def test_slice_planes_are_shown_and_undone(opened):
     assert not np.array_equal(drawn(page, slice_planes=planes)[0], first)
     assert session.scene().options["slice_planes"] == (
         ss.SlicePlane((0, 0, 1), 6.5, cmap="magma"),
-        ss.SlicePlane((1, 1, 0)),
+        ss.SlicePlane((1, 1, 0), cmap="gray"),
     )
     assert np.array_equal(made_by(session.code(), volume(), size=SIZE).rgba, session.picture().rgba)
     assert np.array_equal(drawn(page)[0], first)
     page.set(slice_planes=[{"normal": [0, 0, 0]}])
     assert "a finite normal" in page.wait("error")[0]["text"]
+
+
+def test_new_slice_planes_have_the_colours_that_the_viewer_was_given(opened):
+    session = opened(slice_cmap="inferno", slice_clim=(0, 0.5))
+    page = Page(session)
+    settled(page)
+    drawn(page, slice_planes=[{"normal": [0, 0, 1], "offset": 6.5, "cmap": None, "clim": None}])
+    assert session.scene().options["slice_planes"] == (ss.SlicePlane((0, 0, 1), 6.5, cmap="inferno", clim=(0, 0.5)),)
+    assert np.array_equal(made_by(session.code(), volume(), size=SIZE).rgba, session.picture().rgba)
+    drawn(page)
+    assert "slice_cmap" not in session.code()
+    page.clear()
+    page.say(type="redo")
+    assert settled(page)[1]["slice_planes"][0]["cmap"] == "inferno"
 
 
 def test_arrays_and_times_of_a_file_are_chosen_together(opened, tmp_path):

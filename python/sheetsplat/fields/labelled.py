@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,7 +51,12 @@ def counts_of_labels(values: NDArray[Any]) -> dict[int, int]:
 
 def labels_in(values: NDArray[Any]) -> tuple[int, ...]:
     """Return the labels among samples, from the least one on. InvalidInput for more than are told apart."""
-    found = tuple(counts_of_labels(values))
+    return told_apart(counts_of_labels(values))
+
+
+def told_apart(labels: Iterable[int]) -> tuple[int, ...]:
+    """Return labels, or raise InvalidInput for more than are told apart."""
+    found = tuple(labels)
     if len(found) > MOST_LABELS:
         raise complain(
             "labels cannot be told apart",
@@ -106,12 +111,22 @@ def with_labels(values: Any, options: Mapping[str, Any], *, stated: bool = False
     They are where their file states it, or where they look like that.
     """
     given = {name: one for name, one in options.items() if name != "labels" or one is not None}
-    open_ = not given.keys() & {"labels", "normalization", "w0", "prefilter", "base", "radius", "falloff"}
+    open_ = is_open(given)
     samples = isinstance(values, np.ndarray) and values.ndim == 3 and values.size > 0 and values.dtype.kind in "iuf"
     if open_ and samples and stated and values.dtype.kind == "f" and not np.array_equal(values, np.round(values)):
-        warn("the file states labels, but has numbers that are not whole: they are shown as values")
+        warn_of_halves()
         stated = open_ = False
     return {**given, "labels": True} if open_ and samples and (stated or look_like_labels(values)) else given
+
+
+def is_open(options: Mapping[str, Any]) -> bool:
+    """Return whether options of a volume that were given leave it open whether samples are labels."""
+    return not options.keys() & {"labels", "normalization", "w0", "prefilter", "base", "radius", "falloff"}
+
+
+def warn_of_halves() -> None:
+    """Warn of a file that states labels and has other numbers."""
+    warn("the file states labels, but has numbers that are not whole: they are shown as values")
 
 
 class Looks(NamedTuple):

@@ -127,7 +127,7 @@ def _with_curves(state: State, scene: Scene, options: dict[str, Any]) -> dict[st
     """Return options with transfer functions as Python that makes them of their curves."""
     if "transfer_function" not in options:
         return options
-    curves = state.curves if compose.has_looks(scene) else {}
+    curves = {n: one for n, one in state.curves.items() if compose.has_look(scene, n)}
     return {**options, "transfer_function": _functions(scene.transfer_functions, curves)}
 
 

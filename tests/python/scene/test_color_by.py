@@ -191,6 +191,9 @@ def test_the_command_line_takes_arrays_and_files(tmp_path):
         recipe = Recipe.read(made)
         assert recipe.transfer_functions == image.recipe.transfer_functions and recipe.colors == image.recipe.colors
         assert recipe.colors != ()
+    run("render", tmp_path / "ball.npy", "-o", made, "--color-by", tmp_path / "wave.npy", "--color-map", "0:red,1:blue")
+    (_, colors), *_ = Recipe.read(made).colors
+    np.testing.assert_allclose(colors.at([0.0, 0.5, 1.0])[:, :3], [(1, 0, 0), (0.5, 0, 0.5), (0, 0, 1)], atol=0.01)
 
 
 def test_files_of_several_channels_are_refused(tmp_path):

@@ -7,30 +7,12 @@ import pickle
 
 import numpy as np
 import pytest
+from labelled_volumes import COLORS, LIGHT, OPAQUE, things, view
 
 import sheetsplat as ss
 from sheetsplat.color_bar import color_bars
 from sheetsplat.describe.recipe import Recipe
 from sheetsplat.fields.labelled import look_like_labels
-
-LIGHT = ss.Light((0.3, 0.5, 1.0))
-COLORS = ss.LabelColors({1: (1, 0.2, 0.2, 0.4), 2: (0.2, 1, 0.2, 0.4), 3: (0.3, 0.4, 1, 0.4)}, names={2: "box"})
-OPAQUE = ss.LabelColors({one: rgba[:3] for one, rgba in COLORS.colors.items()})
-
-
-def things():
-    """Return a sphere of two halves, 1 and 3, and a box, 2, that reaches the end of the volume."""
-    k, j, i = np.mgrid[0:13, 0:15, 0:17]
-    ball = (k - 5.3) ** 2 + (j - 6.6) ** 2 + (i - 8.2) ** 2 < 23
-    labels = np.zeros(k.shape, np.uint8)
-    labels[ball] = np.where(i[ball] > 8, 3, 1)
-    labels[(k > 8) & (j < 6) & (i < 7)] = 2
-    return labels
-
-
-def view(**options):
-    lattice = ss.RegularField(things().astype(np.float32))
-    return ss.Camera.fit(lattice, direction=(1, 0.6, 0.4), up=(0, 0, 1), **options)
 
 
 def weights(values, label, points, radius=2.0, falloff=5.0):
@@ -256,7 +238,6 @@ BAD = {
     "colours to 255": (lambda: ss.LabelColors({1: (255, 0, 0)}), "from 0 to 1"),
     "beyond 41 bits": (lambda: ss.LabelColors({2**40: "red"}), "number them anew"),
     "labels of colours": (lambda: ss.RegularField(np.zeros((3, 3, 3, 3), np.uint8), labels=True), "three axes"),
-    "bricks": (lambda: ss.open_bricks(things(), labels=True), "bricks"),
 }
 
 

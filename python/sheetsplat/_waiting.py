@@ -17,6 +17,8 @@ from sheetsplat.errors import Cancelled, complain, option_ref
 from sheetsplat.options.renderer import Progress
 
 Result = TypeVar("Result")
+#: Of a picture that is drawn twice, as slice planes end or cross in it, the share of the first time.
+FIRST_OF_TWO = 0.7
 # Seconds between two questions.
 _LOOK = 0.05
 
@@ -64,6 +66,11 @@ def asked() -> Progress | None:
     return None if found is None else found.progress
 
 
+def portion(progress: Progress | None, start: float, end: float) -> Progress | None:
+    """Return the callback of a part of what is done, which begins and ends at some shares; None for none."""
+    return None if progress is None else lambda share: progress(start + (end - start) * share)
+
+
 @contextmanager
 def part(start: float, end: float) -> Iterator[None]:
     """Let shares that are told meanwhile be those of a part of the whole."""
@@ -71,8 +78,7 @@ def part(start: float, end: float) -> Iterator[None]:
     if found is None:
         yield
         return
-    progress = found.progress
-    with asking(lambda share: progress(start + (end - start) * share), found.what):
+    with asking(portion(found.progress, start, end), found.what):
         yield
     note(end)
 

@@ -418,8 +418,10 @@ def _warn_of_replaced(options: Any, projection: object) -> None:
             warn(option_ref(made) + " replaces these options: " + option_refs(given))
     if options.get("camera") is None and options.get("fov_y") is not None and projection == "orthographic":
         warn(option_ref("fov_y") + " changes nothing without " + option_ref("projection", "perspective"))
-    if options.get("color_by") is None and options.get("color_map") is not None:
-        warn(option_ref("color_map") + " changes nothing without " + option_ref("color_by", "..."))
+    for name, owner in (("color_map", "color_by"), ("slice_cmap", "slice_planes"), ("slice_clim", "slice_planes")):
+        used = options.get(owner)
+        if options.get(name) is not None and (used is None or isinstance(used, tuple | list) and not used):
+            warn(option_ref(name) + " changes nothing without " + option_ref(owner, "..."))
 
 
 @dataclass(frozen=True)

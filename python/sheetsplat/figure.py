@@ -21,7 +21,7 @@ from sheetsplat.errors import complain, option_ref, unusable
 from sheetsplat.notices import warn
 from sheetsplat.options.core import checked
 from sheetsplat.options.figure import AxesOptions, FigureOptions
-from sheetsplat.quantity import Axis
+from sheetsplat.quantity import Axis, time_of
 
 if TYPE_CHECKING:
     from PIL.Image import Image as PillowImage
@@ -157,6 +157,12 @@ def _labelled(image: Image, asked: Mapping[str, Any], options: Mapping[str, Any]
     return [(bar, label, True) for bar, label in zip(bars, given, strict=True)]
 
 
+def _title(image: Image, options: Mapping[str, Any]) -> str:
+    """Return the text above a picture: the one that was given, else the time of its data; "" for none."""
+    given: str | None = options["title"]
+    return time_of(one.quantity for one in image.recipe.fields) if given is None else given
+
+
 def to_axes(image: Image, ax: Any, given: Mapping[str, Any]) -> Any:
     """Show a picture in axes; see `Image.to_axes`."""
     require_matplotlib()
@@ -181,8 +187,8 @@ def to_axes(image: Image, ax: Any, given: Mapping[str, Any]) -> Any:
     _letter(ax.xaxis.label, across, options)
     _letter(ax.yaxis.label, upwards, options)
     _letter_numbers(ax, options)
-    if options["title"] is not None:
-        _letter(ax.set_title(options["title"]), across, options, math=True)
+    if title := _title(image, options):
+        _letter(ax.set_title(title), across, options, math=options["title"] is not None)
     for bar, label, may_be_math in bars:
         made = draw_bar(ax, bar)
         made.set_label(label)
@@ -287,8 +293,8 @@ def _figure(function: str, image: Image, given: Mapping[str, Any]) -> Iterator[A
             _letter(made.ax.yaxis.label, height * point, options, math=may_be_math)
             # The next one follows the numbers and the label, whose widths depend on the data.
             left = made.ax.get_tightbbox(canvas.get_renderer()).x1 + pixel
-        if options["title"] is not None:
-            _letter(frame.set_title(options["title"]), left * point, options, math=True)
+        if title := _title(image, options):
+            _letter(frame.set_title(title), left * point, options, math=options["title"] is not None)
         over = _axes_at(figure, 0, 0, width, height)
         over.set_axis_off()
         over.set(xlim=(0, width), ylim=(0, height))

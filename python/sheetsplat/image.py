@@ -128,11 +128,11 @@ class Image:
         scene: Scene | None = None,
         depth_limit: Depths | None = None,
         planes: PlanesInView | None = None,
+        other: _sheetsplat.Image | None = None,
     ) -> None:
         self._depth_limit = depth_limit
         samples = recipe.options["supersampling"]
-        drawn = averaged(native, samples)
-        arrays = drawn if planes is None else planes.behind(drawn)
+        arrays = averaged(native, samples) if planes is None else planes.behind(native, other)
         self._rgba: NDArray[np.float32] | None = arrays.rgba
         self._scalar: NDArray[np.float32] | None = arrays.scalar
         self._coverage: NDArray[np.float32] | None = arrays.coverage

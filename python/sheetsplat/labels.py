@@ -13,6 +13,7 @@ from sheetsplat import _sheetsplat
 from sheetsplat._checks import color, instance, number, parts, shown, whole
 from sheetsplat.errors import complain, unusable
 from sheetsplat.fields import RegularField
+from sheetsplat.fields.stated import NamedColors
 from sheetsplat.transfer import TransferFunction
 
 # Of numbers of labels, which float64 holds with what lies half a number beside them.
@@ -100,6 +101,22 @@ class LabelColors(TransferFunction):
         known = sorted(labels)
         rows = function.at(np.asarray(known, dtype=np.float64).reshape(-1)).tolist()
         return cls({one: tuple(row) for one, row in zip(known, rows, strict=True) if row[3] > 0.0})
+
+    @classmethod
+    def completed(cls, stated: NamedColors | None, labels: Iterable[int]) -> LabelColors:
+        """Return the colours and names that are stated, by a file or the caller, and distinct colours for all others.
+
+        Parameters
+        ----------
+        stated
+            What is stated; None: nothing.
+        labels
+            Those of the data.
+        """
+        distinct = cls.distinct(labels)
+        if stated is None:
+            return distinct
+        return cls({**distinct.colors, **stated.colors}, stated.names, stated.background)
 
     @property
     def colors(self) -> Mapping[int, tuple[float, float, float, float]]:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,8 @@ from sheetsplat.limits import Depths
 from sheetsplat.look.surface import range_of
 from sheetsplat.modes import TRAITS
 from sheetsplat.scalar_colors import ScalarColors
-from sheetsplat.slice_planes import SlicePlane
-from sheetsplat.supersampling import Arrays
+from sheetsplat.slice_planes import PLANE_CMAP, SlicePlane, with_colors
+from sheetsplat.supersampling import Arrays, averaged, fine_depths, fine_size
 
 if TYPE_CHECKING:
     from sheetsplat.scene import Scene
@@ -29,12 +30,14 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 # Pixels, or points, that are looked at together.
 _AT_ONCE = 1 << 17
+# Between neighbours of larger differences of red, green or blue pixels are looked at more closely.
+_STEP = 1.0 / 16.0
 # Share of the data's diagonal by which rounding may take a plane at the end of the data out of them.
 _ROUNDING = 1e-9
 
 
 def planes_of(scene: Scene) -> tuple[SlicePlane, ...]:
-    """Return the slice planes that a scene shows, with the offsets and limits that nobody gave.
+    """Return the slice planes that a scene shows, with the offsets, colormaps and limits that nobody gave.
 
     Raises
     ------
@@ -58,14 +61,10 @@ def planes_of(scene: Scene) -> tuple[SlicePlane, ...]:
         return ()
     middle = 0.5 * np.sum(_box_of(scene.fields), axis=0)
     limits = _limits(scene.fields)
-    return tuple(
-        replace(
-            one,
-            offset=float(np.dot(one.normal, middle)) if one.offset is None else one.offset,
-            clim=limits if one.clim is None else one.clim,
-        )
-        for one in planes
+    placed = (
+        replace(one, offset=float(np.dot(one.normal, middle)) if one.offset is None else one.offset) for one in planes
     )
+    return with_colors(tuple(placed), PLANE_CMAP, limits)
 
 
 def _box_of(fields: tuple[Field, ...]) -> Bounds:
@@ -87,28 +86,87 @@ def _limits(fields: tuple[Field, ...]) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, eq=False)
+class Quarters:
+    """The pixels of a picture of one sample a pixel that are looked at through the middles of their four quarters.
+
+    There planes end or cross, or their colours change.
+
+    Attributes
+    ----------
+    at
+        Their rows and columns, (M,) each.
+    depths
+        Of the nearest plane in each quarter, (M, 4); infinite where there is none.
+    rgb
+        Its red, green and blue, (M, 4, 3).
+    own
+        The depth in the middle of the pixel, (M,).
+    other
+        Where quarters meet other planes than the middle: of their depths the one farthest from that, else `own`, (M,).
+    """
+
+    at: tuple[NDArray[np.int64], NDArray[np.int64]]
+    depths: Floats
+    rgb: Floats
+    own: Floats
+    other: Floats
+
+    @classmethod
+    def of(
+        cls, sampled: _Sampled, at: tuple[NDArray[np.int64], NDArray[np.int64]], met: Met, limit: Depths | None
+    ) -> Quarters:
+        """Return the quarters of pixels, whose middles met some planes; limit: depths behind which nothing is drawn."""
+        rows, columns = at
+        down, right = 0.5 * np.array(np.divmod(np.arange(4), 2)) - 0.25
+        rays = sampled.rays(rows[:, None] + down, columns[:, None] + right)
+        found = sampled.met(rays).hidden(None if limit is None else limit[at][:, None])
+        own = met.depths[at]
+        split = (found.numbers != met.numbers[at][:, None]).any(axis=1)
+        farthest = _apart(found.depths, own).argmax(axis=1)
+        other = np.where(split, np.take_along_axis(found.depths, farthest[:, None], axis=1)[:, 0], own)
+        return cls(at, found.depths, sampled.colors(rays, found), own, other)
+
+    @property
+    def is_split(self) -> NDArray[np.bool_]:
+        """In which pixels what is in front of the planes ends at two depths, (M,)."""
+        found: NDArray[np.bool_] = self.other != self.own
+        return found
+
+    def over(self, front: NDArray[np.float32], other: NDArray[np.float32]) -> Floats:
+        """Return the pixels, (M, 4): the means of the quarters' colours behind what is in front of them.
+
+        front, other: pixels of what is in front of the middles' depths, and of the other ones, (M, 4).
+        """
+        is_other = _apart(self.depths, self.other) < _apart(self.depths, self.own)
+        made = np.where(is_other[..., None], other[:, None], front[:, None]).astype(np.float64)
+        made[..., :3] += (1.0 - made[..., 3:]) * self.rgb
+        made[..., 3] = np.where(np.isfinite(self.depths), 1.0, made[..., 3])
+        found: Floats = made.mean(axis=1)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
 class PlanesInView:
-    """The slice planes of a picture, one sample a pixel.
+    """The slice planes of a picture. Conventions, section 10.
 
     Attributes
     ----------
     planes
         All of them, with offsets and limits.
-    scene, camera, size
+    scene, camera
         Of the picture.
     depths
-        Of the nearest plane at each pixel, float64 (h, w): world units from the eye along the view direction; infinite
-        where there is none, or behind the depth limit that was given.
-    which
-        Its number, (h, w).
+        Of the nearest plane at each sample, float64 (n h, n w) where a pixel has n x n: world units from the eye along
+        the view direction; infinite where there is none, or behind the depth limit that was given.
     """
 
     planes: tuple[SlicePlane, ...]
     scene: Scene
     camera: Camera
-    size: tuple[int, int]
     depths: Depths
-    which: NDArray[np.int64]
+    _sampled: _Sampled
+    _met: Met
+    _limit: Depths | None
 
     @classmethod
     def of(cls, scene: Scene, camera: Camera, size: tuple[int, int], limit: Depths | None) -> PlanesInView | None:
@@ -119,16 +177,34 @@ class PlanesInView:
         planes = planes_of(scene)
         if not planes:
             return None
-        width, height = size
-        depths, which = np.full((height, width), np.inf), np.zeros((height, width), np.int64)
-        step = max(1, _AT_ONCE // width)
-        for top in range(0, height, step):
-            rows = slice(top, top + step)
-            places = np.arange(height)[rows, None], np.arange(width)[None, :]
-            depths[rows], which[rows] = nearest(planes, scene, camera, Rays.of(camera, size, *places[::-1]))
-        if limit is not None:
-            depths[limit < depths] = np.inf
-        return cls(planes, scene, camera, size, depths, which)
+        # Pixels of one sample are compared with those around them, also around the picture.
+        sampled = _Sampled(planes, scene, camera, fine_size(size, scene.supersampling), int(scene.supersampling == 1))
+        met = sampled.everywhere()
+        inner = sampled.inner(met).hidden(fine_depths(limit, scene.supersampling))
+        return cls(planes, scene, camera, inner.depths, sampled, met, limit)
+
+    @cached_property
+    def _rgb(self) -> tuple[NDArray[np.float32], Quarters | None]:
+        sampled, met = self._sampled, self._met
+        rgb = sampled.colors_everywhere(met)
+        inner = sampled.inner(met).hidden(fine_depths(self._limit, self.scene.supersampling))
+        quarters = None
+        if sampled.margin and (closer := _changes(met, rgb)).any():
+            rows, columns = np.nonzero(closer)
+            quarters = Quarters.of(sampled, (rows, columns), inner, self._limit)
+        rgb = sampled.inner_of(rgb).copy()
+        rgb[np.isinf(inner.depths)] = 0.0
+        return rgb, quarters
+
+    @property
+    def rgb(self) -> NDArray[np.float32]:
+        """Red, green, blue of the planes, (n h, n w, 3); 0 where there is none."""
+        return self._rgb[0]
+
+    @property
+    def quarters(self) -> Quarters | None:
+        """The pixels that are looked at more closely; None where there are none."""
+        return self._rgb[1]
 
     @cached_property
     def in_front(self) -> Scene:
@@ -136,30 +212,43 @@ class PlanesInView:
         return self.scene.replace(slice_planes=(), background=None) if self.scene.background else self.scene
 
     def limit(self, given: Depths | None) -> Depths:
-        """Return the depths behind which nothing is drawn: of the planes and of the limit that was given."""
+        """Return the depths behind which nothing is drawn, of each sample: of the planes and of the limit given."""
+        given = fine_depths(given, self.scene.supersampling)
         return self.depths if given is None else np.minimum(self.depths, given)
 
-    @cached_property
-    def rgb(self) -> NDArray[np.float32]:
-        """Red, green, blue of the planes, (h, w, 3); 0 where there is none."""
-        made = np.zeros((*self.depths.shape, 3), np.float32)
-        for number, plane in enumerate(self.planes):
-            rows, columns = np.nonzero(np.isfinite(self.depths) & (self.which == number))
-            for start in range(0, len(rows), _AT_ONCE):
-                at = rows[start : start + _AT_ONCE], columns[start : start + _AT_ONCE]
-                rays = Rays.of(self.camera, self.size, *at[::-1])
-                made[at] = colors_at(plane, self.scene, rays.at(self.depths[at]))
-        return made
+    def other_limit(self, given: Depths | None) -> Depths | None:
+        """Return the depths behind which nothing is drawn in a second picture: of pixels in which planes end or cross.
 
-    def behind(self, drawn: Any) -> Arrays:
+        All other pixels of it are empty. None where there are no such pixels.
+        """
+        if self.quarters is None or not (split := self.quarters.is_split).any():
+            return None
+        rows, columns = (part[split] for part in self.quarters.at)
+        depths = np.full(self.depths.shape, self._before)
+        depths[rows, columns] = self.quarters.other[split]
+        return depths if given is None else np.minimum(depths, given)
+
+    @property
+    def _before(self) -> float:
+        """A depth before everything."""
+        if self.camera.kind == "perspective":
+            return 0.0
+        low, high = np.asarray(joined_bounds([one.bounds for one in self.scene.fields if one.size]))
+        middle = 0.5 * (low + high)
+        return -float(np.linalg.norm(middle - self.camera.eye) + np.linalg.norm(high - low))
+
+    def behind(self, drawn: Any, other: Any = None) -> Any:
         """Return the arrays of a picture without a background, with the planes and then the background behind it.
 
-        `drawn` has the attributes of `Arrays`.
+        They are means over the samples of each pixel. `drawn`, and the second picture where one was drawn, have the
+        attributes of `Arrays`, and a pixel for each sample.
         """
         rgba = drawn.rgba.copy()
         rgba[..., :3] += (1.0 - rgba[..., 3:]) * self.rgb
-        there = np.isfinite(self.depths)
-        rgba[there, 3] = 1.0
+        rgba[np.isfinite(self.depths), 3] = 1.0
+        if self.quarters is not None:
+            front = drawn.rgba[self.quarters.at]
+            rgba[self.quarters.at] = self.quarters.over(front, front if other is None else other.rgba[self.quarters.at])
         background = self.scene.background
         if background is not None:
             rgba[..., :3] += (1.0 - rgba[..., 3:]) * np.asarray(background, np.float32)
@@ -167,7 +256,105 @@ class PlanesInView:
         depth = drawn.depth
         if depth is not None:
             depth = np.where(np.isinf(depth), self.depths, depth).astype(np.float32)
-        return Arrays(rgba, drawn.scalar, drawn.coverage, depth)
+        return averaged(Arrays(rgba, drawn.scalar, drawn.coverage, depth), self.scene.supersampling)
+
+
+class Met(NamedTuple):
+    """What rays meet: the depths of the nearest planes, infinite where there is none, and their numbers, there -1."""
+
+    depths: Floats
+    numbers: NDArray[np.int64]
+
+    def hidden(self, limit: Depths | None) -> Met:
+        """Return it without what lies behind some depths."""
+        if limit is None:
+            return self
+        behind = limit < self.depths
+        return Met(np.where(behind, np.inf, self.depths), np.where(behind, -1, self.numbers))
+
+
+@dataclass(frozen=True, eq=False)
+class _Sampled:
+    """Looks at planes through the samples of a picture, of a size, and through so many more around it."""
+
+    planes: tuple[SlicePlane, ...]
+    scene: Scene
+    camera: Camera
+    size: tuple[int, int]
+    margin: int
+
+    def rays(self, rows: Any, columns: Any) -> Rays:
+        """Return the rays through places; whole numbers are the middles of samples."""
+        return Rays.of(self.camera, self.size, columns, rows)
+
+    def met(self, rays: Rays) -> Met:
+        """Return what rays meet."""
+        depths, numbers = nearest(self.planes, self.scene, self.camera, rays)
+        return Met(depths, np.where(np.isinf(depths), -1, numbers))
+
+    def colors(self, rays: Rays, met: Met) -> Floats:
+        """Return red, green and blue of what rays meet, (..., 3); 0 where that is nothing."""
+        made = np.zeros((*met.depths.shape, 3))
+        for number, plane in enumerate(self.planes):
+            at = np.nonzero(met.numbers == number)
+            for start in range(0, len(at[0]), _AT_ONCE):
+                part = tuple(one[start : start + _AT_ONCE] for one in at)
+                some = Rays(rays.start[part], rays.along[part])
+                made[part] = colors_at(plane, self.scene, some.at(met.depths[part]))
+        return made
+
+    def _strips(self) -> Iterator[tuple[slice, Rays]]:
+        """Yield some rows of all samples at a time, and their rays."""
+        height, width = self.shape
+        step = max(1, _AT_ONCE // width)
+        for top in range(0, height, step):
+            rows = slice(top, top + step)
+            yield rows, self.rays(np.arange(height)[rows, None] - self.margin, np.arange(width)[None, :] - self.margin)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of all samples."""
+        return self.size[1] + 2 * self.margin, self.size[0] + 2 * self.margin
+
+    def everywhere(self) -> Met:
+        """Return what all samples meet."""
+        found = Met(np.empty(self.shape), np.empty(self.shape, np.int64))
+        for rows, rays in self._strips():
+            found.depths[rows], found.numbers[rows] = self.met(rays)
+        return found
+
+    def colors_everywhere(self, met: Met) -> NDArray[np.float32]:
+        """Return red, green and blue of what all samples meet, (h, w, 3)."""
+        made = np.empty((*self.shape, 3), np.float32)
+        for rows, rays in self._strips():
+            made[rows] = self.colors(rays, Met(met.depths[rows], met.numbers[rows]))
+        return made
+
+    def inner(self, met: Met) -> Met:
+        """Return what the samples of the picture meet."""
+        return Met(self.inner_of(met.depths), self.inner_of(met.numbers))
+
+    def inner_of(self, array: NDArray[Any]) -> NDArray[Any]:
+        """Return the samples of the picture of an array."""
+        height, width = self.shape
+        return array[self.margin : height - self.margin, self.margin : width - self.margin]
+
+
+def _changes(met: Met, rgb: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Return which pixels have another plane beside them, or one of another colour; but for the outermost ones."""
+    found = np.zeros((met.depths.shape[0] - 2, met.depths.shape[1] - 2), bool)
+    middle = slice(1, -1), slice(1, -1)
+    for down, right in ((0, 1), (2, 1), (1, 0), (1, 2)):
+        beside = slice(down, down + found.shape[0]), slice(right, right + found.shape[1])
+        found |= met.numbers[middle] != met.numbers[beside]
+        found |= (np.abs(rgb[middle] - rgb[beside]) > _STEP).any(axis=-1)
+    return found
+
+
+def _apart(depths: Floats, others: Floats) -> Floats:
+    """Return how far depths, (M, 4), are from others, (M,): infinitely where one alone is infinite."""
+    with np.errstate(invalid="ignore"):
+        return np.nan_to_num(np.abs(depths - others[:, None]), nan=0.0, posinf=np.inf)
 
 
 def nearest(
@@ -195,7 +382,7 @@ def nearest(
 
 def colors_at(plane: SlicePlane, scene: Scene, points: Floats) -> Floats:
     """Return red, green, blue, (M, 3), that a plane has at points (M, 3) of the world."""
-    colors, field = ScalarColors(plane.cmap, plane.clim), scene.fields[0]
+    colors, field = plane.colors, scene.fields[0]
     if isinstance(field, RegularField) and field.labels:
         return _of_labels(field, LabelColors.of(scene.transfer_function, field.labels_found), colors, points)
     values, floor = sum_at(as_summed(scene.fields), points), field.quantity.floor

@@ -11,6 +11,8 @@ from sheetsplat._checks import Triple, number, optional_number, shown
 from sheetsplat.errors import complain, unusable
 
 _LONGEST = 200
+# Julian years, in seconds.
+_YEAR = 365.25 * 86400.0
 
 
 class Axis(NamedTuple):
@@ -66,6 +68,9 @@ class Quantity:
     axes
         Coordinates along x, y and z: (name, unit), and a factor and an offset where the coordinate is factor *
         position in the world + offset. Empty: positions in the world, in `length_unit`.
+    time
+        When it is, of data of several times, as a text: "2020-01-01 06:00", "t = 3.5 s". Figures have it as their
+        title.
 
     Raises
     ------
@@ -87,10 +92,11 @@ class Quantity:
     length_unit: str = ""
     floor: float | None = None
     axes: tuple[Axis, ...] = ()
+    time: str = ""
 
     def __post_init__(self) -> None:
         """Check and convert."""
-        for part in ("name", "unit", "length_unit"):
+        for part in ("name", "unit", "length_unit", "time"):
             _check_text(part, getattr(self, part))
         floor = optional_number("Quantity: floor", self.floor)
         if floor is not None and not 0.0 < floor < math.inf:
@@ -144,6 +150,20 @@ def _axes(given: object) -> tuple[Axis, ...]:
             raise complain(unusable("Quantity: axes"), f"{factor:g}, {offset:g}", wanted)
         made.append(Axis(one[0], one[1], factor, offset))
     return tuple(made)
+
+
+def time_text(time: float, unit: str = "", name: str = "t") -> str:
+    """Return a time as figures tell it: "t = 3.5 s"; seconds in millions or thousands of millions of years if many."""
+    for longer, seconds in (("Gyr", 1e9 * _YEAR), ("Myr", 1e6 * _YEAR)):
+        if unit == "s" and abs(time) >= seconds:
+            return f"{name} = {time / seconds:.5g} {longer}"
+    return f"{name} = {time:.5g} {unit}".rstrip()
+
+
+def time_of(quantities: Iterable[Quantity]) -> str:
+    """Return the time of several quantities; "" where they state none, or several."""
+    known = {one.time for one in quantities if one.time}
+    return known.pop() if len(known) == 1 else ""
 
 
 def notes_of(quantities: Iterable[Quantity]) -> tuple[str, ...]:

@@ -8,33 +8,32 @@ import time
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any, NamedTuple, Unpack
+from typing import Any, Unpack
 
 from numpy.typing import ArrayLike
 
 from sheetsplat import _sheetsplat
-from sheetsplat._checks import check_progress, image_size, instance, names, number, whole
+from sheetsplat._checks import check_progress, number, whole
+from sheetsplat._view import View
+from sheetsplat._waiting import FIRST_OF_TWO, portion
 from sheetsplat.backends import BACKEND_TRAITS, DEFINING, Backend
 from sheetsplat.camera import Camera
 from sheetsplat.describe.recipe import Recipe
 from sheetsplat.effect_names import check_effects
 from sheetsplat.errors import Unsupported, complain, option_ref, unusable
 from sheetsplat.expected_time import ExpectedTime, expected_time, may_be_long, warn_of_time
-from sheetsplat.fields import any_in_bricks
 from sheetsplat.image import ErrorEstimate, Image, image_of
-from sheetsplat.limits import Depths, checked_depths
 from sheetsplat.look import empty
 from sheetsplat.look.channel_light import channels_of, light_of
 from sheetsplat.look.weighted import mean_of
 from sheetsplat.notices import is_muted, muted, warn
 from sheetsplat.options.core import checked, definitions, documented, filled
-from sheetsplat.options.renderer import OUTPUTS, Output, Progress, RendererClassOptions, RendererKeywords, check_backend
+from sheetsplat.options.renderer import Output, Progress, RendererClassOptions, RendererKeywords, check_backend
 from sheetsplat.plan import RenderPlan
-from sheetsplat.planes_in_view import PlanesInView
 from sheetsplat.quality.lost import keeping, warn_of_lost, with_lost
 from sheetsplat.quality.thin import LEAST_UNMET, may_be_flat, unmet_kernels
 from sheetsplat.scene import Scene
-from sheetsplat.supersampling import averaged, counting_samples, fine_depths, fine_size
+from sheetsplat.supersampling import averaged, counting_samples
 
 _log = logging.getLogger("sheetsplat")
 
@@ -49,57 +48,6 @@ def _chosen_backend(backend: str) -> str:
         return backend
     wanted = os.environ.get("SHEETSPLAT_BACKEND", "") or "auto"
     return check_backend("the environment variable SHEETSPLAT_BACKEND", wanted)
-
-
-def _names(outputs: object) -> tuple[str, ...]:
-    return names("Renderer: outputs", outputs, OUTPUTS)
-
-
-class _View(NamedTuple):
-    """What a picture shows: the checked arguments that pictures and plans have."""
-
-    scene: Scene
-    camera: Camera
-    size: tuple[int, int]
-    outputs: tuple[str, ...]
-    depth_limit: Depths | None
-    planes: PlanesInView | None
-
-    @classmethod
-    def of(cls, scene: Scene, camera: Camera, size: object, outputs: object, depth_limit: ArrayLike | None) -> _View:
-        """Return the view of arguments, or InvalidInput."""
-        instance("Renderer: scene", scene, Scene)
-        instance("Renderer: camera", camera, Camera)
-        if any_in_bricks(scene.fields):
-            raise complain(
-                "Renderer: the scene cannot be drawn",
-                "data in bricks",
-                "data in memory",
-                "draw it with sheetsplat.render, which draws it brick by brick",
-                kind=Unsupported,
-            )
-        pixels = image_size(size)
-        limit = checked_depths(depth_limit, camera, pixels)
-        return cls(scene, camera, pixels, _names(outputs), limit, PlanesInView.of(scene, camera, pixels, limit))
-
-    @property
-    def samples(self) -> int:
-        """Samples a pixel along each axis."""
-        return self.scene.supersampling
-
-    @property
-    def native_scene(self) -> _sheetsplat.Scene:
-        """The scene of the native renderer, to which depth limits belong; a background comes behind slice planes."""
-        planes = self.planes
-        native = (self.scene if planes is None else planes.in_front).native
-        limit = fine_depths(self.depth_limit if planes is None else planes.limit(self.depth_limit), self.samples)
-        return native if limit is None else native.with_depth_limit(limit)
-
-    def native(self) -> dict[str, Any]:
-        """Return the arguments of the native renderer, which draws a pixel for each sample."""
-        size = fine_size(self.size, self.samples)
-        also = {name: name in self.outputs for name in OUTPUTS}
-        return {"scene": self.native_scene, "camera": self.camera.native, "size": size, **also}
 
 
 def _native(settings: Mapping[str, Any]) -> _sheetsplat.Renderer:
@@ -232,7 +180,7 @@ class Renderer:
         InvalidInput, Unsupported, OutOfMemory
             As `render` would.
         """
-        view = _View.of(scene, camera, size, outputs, depth_limit)
+        view = View.of(scene, camera, size, outputs, depth_limit)
         if scene.sums is not None:
             view = view._replace(scene=scene.sums[1])
         with counting_samples(view.samples):
@@ -279,7 +227,7 @@ class Renderer:
         count = whole("Renderer: repeats", repeats)
         if count < 1:
             raise complain(unusable("Renderer: repeats"), str(count), "a whole number of at least 1")
-        view = _View.of(scene, camera, size, outputs, depth_limit)
+        view = View.of(scene, camera, size, outputs, depth_limit)
         plan = self.plan(scene, camera, size, outputs, depth_limit=view.depth_limit)
         settings = self._settings | {"backend": plan.backend}
         others: dict[str, _sheetsplat.Renderer] = {}
@@ -340,15 +288,18 @@ class Renderer:
         Cancelled
             Where `progress` returned False.
         """
-        view = _View.of(scene, camera, size, outputs, depth_limit)
+        view = View.of(scene, camera, size, outputs, depth_limit)
         check_progress("Renderer", progress)
         began = time.perf_counter()
         if (whole := self._of_several(view, progress, began)) is not None:
             return whole
+        second = view.second() is not None
         with counting_samples(view.samples):
             self._warn_of_time(view)
-            native = self.native.render(**view.native(), progress=progress)
-        return self._finished(native, view, began)
+            native = self.native.render(
+                **view.native(), progress=portion(progress, 0.0, FIRST_OF_TWO if second else 1.0)
+            )
+        return self._finished(native, view, began, portion(progress, FIRST_OF_TWO, 1.0))
 
     def progressive(
         self,
@@ -384,7 +335,7 @@ class Renderer:
         DeviceUnavailable, Unsupported, OutOfMemory, Cancelled
             As `render`.
         """
-        view = _View.of(scene, camera, size, outputs, depth_limit)
+        view = View.of(scene, camera, size, outputs, depth_limit)
         check_progress("Renderer", progress)
         seconds = number("Renderer: first_seconds", first_seconds)
         if scene.sums is not None or channels_of(scene):
@@ -393,19 +344,19 @@ class Renderer:
             stages = self.native.begin_stages(**view.native(), first_seconds=seconds)
         return self._stages(stages, view, progress)
 
-    def _stages(self, stages: _sheetsplat.Stages, view: _View, progress: Progress | None) -> Iterator[Image]:
+    def _stages(self, stages: _sheetsplat.Stages, view: View, progress: Progress | None) -> Iterator[Image]:
         while not stages.done:
             began = time.perf_counter()
             with counting_samples(view.samples):
                 native = self.native.next_stage(stages, progress=progress)
-            yield self._finished(native, view, began)
+            yield self._finished(native, view, began, portion(progress, 1.0, 1.0))
 
-    def _one_stage(self, view: _View, progress: Progress | None) -> Iterator[Image]:
+    def _one_stage(self, view: View, progress: Progress | None) -> Iterator[Image]:
         found = self._of_several(view, progress, time.perf_counter())
         assert found is not None
         yield found
 
-    def _of_several(self, view: _View, progress: Progress | None, began: float) -> Image | None:
+    def _of_several(self, view: View, progress: Progress | None, began: float) -> Image | None:
         """Return a picture that is made of several: a weighted mean, or the light of channels; None for all others."""
         sums, channels = view.scene.sums, channels_of(view.scene)
         scenes = sums or channels
@@ -451,7 +402,23 @@ class Renderer:
             warn_of_lost(views[1].scene, view.camera, view.size)
         return image
 
-    def _finished(self, native: _sheetsplat.Image, view: _View, began: float) -> Image:
+    def _second(self, native: _sheetsplat.Image, view: View, progress: Progress | None) -> _sheetsplat.Image | None:
+        """Return the second picture of a view with slice planes, with the settings of the first one; None: it has none.
+
+        Coarse stages have none.
+        """
+        arguments = view.second()
+        if arguments is None or native.stats.get("stage") != native.stats.get("stages"):
+            return None
+        renderer, chosen = self.native, native.settings or {}
+        if chosen:
+            recipe = self._recipe(native, view)
+            options = {name: recipe.options[name] for name in chosen if name in recipe.options}
+            goals = {"max_error": None, "max_seconds": None, "precision": recipe.renderer["precision"]}
+            arguments, renderer = view.second(**options) or arguments, _native(self._settings | goals)
+        return renderer.render(**arguments, progress=progress)
+
+    def _finished(self, native: _sheetsplat.Image, view: View, began: float, progress: Progress | None = None) -> Image:
         scene, camera = view.scene, view.camera
 
         # The picture of many samples a pixel is drawn again for its error, in place of being kept. Settings that a goal
@@ -471,7 +438,8 @@ class Renderer:
                 whole = averaged(self.native.render(**other.native(), progress=progress), other.samples)
             return with_lost(estimated, averaged(drawn, view.samples).scalar, whole.scalar)
 
-        image = Image(native, self._recipe(native, view), estimate, scene, view.depth_limit, view.planes)
+        second = self._second(native, view, progress)
+        image = Image(native, self._recipe(native, view), estimate, scene, view.depth_limit, view.planes, second)
         width, height = image.size
         plan = image.plan
         self._warn_of_unused(plan)
@@ -498,17 +466,17 @@ class Renderer:
         return image
 
     @staticmethod
-    def _expected_time(view: _View, plan: RenderPlan | _sheetsplat.RenderPlan) -> ExpectedTime | None:
+    def _expected_time(view: View, plan: RenderPlan | _sheetsplat.RenderPlan) -> ExpectedTime | None:
         drawn = view.scene, view.camera, view.size
         return expected_time(*drawn, plan.backend, plan.device, slices=plan.slices, spacing=plan.slice_spacing)
 
-    def _warn_of_time(self, view: _View) -> None:
+    def _warn_of_time(self, view: View) -> None:
         """Warn of a picture that is going to take long, unless a goal bounds its time."""
         if is_muted() or self.max_seconds or not may_be_long(*view[:3], self._settings["backend"]):
             return
         warn_of_time(self._expected_time(view, self.native.plan(**view.native())))
 
-    def _recipe(self, native: _sheetsplat.Image, view: _View) -> Recipe:
+    def _recipe(self, native: _sheetsplat.Image, view: View) -> Recipe:
         """Return how a picture was made, with what a goal chose in place of what was given."""
         chosen = dict(native.settings or {})
         settings = {**self._settings, "backend": native.plan.backend}

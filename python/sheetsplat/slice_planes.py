@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from sheetsplat._checks import Triple, Vector, convert, measurable, number, parts, shown, triple
 from sheetsplat._values import OfArguments
@@ -13,6 +13,10 @@ from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.transfer import Colormap
 
 ORTHOGONAL = "orthogonal"
+#: Options of `sheetsplat.render` with the colours of planes that have none of their own.
+OF_PLANES = ("slice_cmap", "slice_clim")
+#: Colormap of planes unless given.
+PLANE_CMAP = "gray"
 _MOST = 64
 
 
@@ -52,10 +56,11 @@ class SlicePlane(OfArguments):
         the middle of the data.
     cmap
         As for `TransferFunction.from_colormap`, without opacities; kept as a name, or as a tuple of rows. Labels have
-        their own colours; those without one have the colormap's first.
+        their own colours; those without one have the colormap's first. None: that of `slice_cmap` of
+        `sheetsplat.render`, else gray.
     clim
-        Values of the data at which the colormap begins and ends, also where their logarithms are shown. By the least
-        and the largest value unless given.
+        Values of the data at which the colormap begins and ends, also where their logarithms are shown. None: those of
+        `slice_clim` of `sheetsplat.render`, else the least and the largest value.
 
     Raises
     ------
@@ -74,7 +79,7 @@ class SlicePlane(OfArguments):
     normal: Vector
     offset: float | None = None
     point: Vector | None = None
-    cmap: Colormap = "gray"
+    cmap: Colormap | None = None
     clim: Sequence[float] | None = None
 
     def __post_init__(self) -> None:
@@ -86,11 +91,36 @@ class SlicePlane(OfArguments):
             across = math.fsum(one * other for one, other in zip(self.normal, self.point, strict=True))
             convert(self, offset=lambda what, _: _offset(what, across), point=lambda *_: None)
         try:
-            colors = ScalarColors(self.cmap, self.clim)
+            colors = ScalarColors(PLANE_CMAP if self.cmap is None else self.cmap, self.clim)
         except Error as error:
             told = error.complaint
             raise type(error)("SlicePlane: its colours cannot be used", told.found, told.wanted, told.advice) from None
-        convert(self, cmap=lambda *_: colors.cmap, clim=lambda *_: colors.clim)
+        convert(self, cmap=lambda _, given: None if given is None else colors.cmap, clim=lambda *_: colors.clim)
+
+    @property
+    def colors(self) -> ScalarColors:
+        """Its colormap, and its limits, which may be left open."""
+        return ScalarColors(PLANE_CMAP if self.cmap is None else self.cmap, self.clim)
+
+
+def with_colors(
+    planes: Sequence[SlicePlane], cmap: Colormap | None, clim: Sequence[float] | None
+) -> tuple[SlicePlane, ...]:
+    """Return planes with a colormap and limits where they have none of their own; None: these stay open.
+
+    Raises
+    ------
+    InvalidInput
+        As `SlicePlane`.
+    """
+    return tuple(
+        replace(
+            one,
+            cmap=cmap if one.cmap is None else one.cmap,
+            clim=clim if one.clim is None else one.clim,
+        )
+        for one in planes
+    )
 
 
 def slice_planes_of(what: str, value: object) -> tuple[SlicePlane, ...]:

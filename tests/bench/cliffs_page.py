@@ -29,7 +29,8 @@ plain frame; the two are drawn in turn, so that other load on the machine slows 
 the effect by a renderer that has drawn the plain scene, where it takes over 1.5 times as long as later ones. The
 default lights move with the camera, so that their shadows are computed for every view. What is compared for `boundary`
 is a volume that ends at its samples, as by default, with one that falls to its base there (`boundary="zero"`, the same
-base), in mode composite or the mode that is named."""
+base), in mode composite or the mode that is named; for `cut faces` a clipped scene whose faces are lit by their own
+direction with the same one lit by gradients alone."""
 
 
 def _cell(row: dict[str, Any] | None) -> str:

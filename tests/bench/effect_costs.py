@@ -129,6 +129,11 @@ def _clip(subject: Subject) -> Mapping[str, Any]:
     return {"clip": ss.Clip(planes=[((0, 0, 1), offset)])}
 
 
+def _faces(subject: Subject, *, lit: bool) -> Mapping[str, Any]:
+    """Return the options of a cut whose faces are lit by their own direction, or by gradients."""
+    return {**_clip(subject), "cut_faces": lit}
+
+
 def _falling(subject: Subject) -> list[Field]:
     """Return the field as it falls to its base beyond its samples."""
     (one,) = subject.base.fields
@@ -175,6 +180,7 @@ EFFECTS: Mapping[str, Effect] = {
             1.5,
         ),
         Effect("clip", _clip, 1.5),
+        Effect("cut faces", partial(_faces, lit=True), 1.2, paired=False, beside=partial(_faces, lit=False)),
         _boundary("boundary", "composite"),
         *(_boundary(f"boundary {mode}", mode) for mode in ("xray", "average", "mip")),
         Effect("depth cue", lambda subject: {"depth_cue": fitting_depth_cue(subject.base, subject.camera(0))}),

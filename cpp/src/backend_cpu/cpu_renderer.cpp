@@ -474,6 +474,9 @@ struct CpuRenderer::State {
         }
         for (std::size_t field = 0; field < job.ellipsoids.size(); ++field, ++part) {
             const Buckets<std::uint32_t>& kernels = sorted->scattered[field].indices;
+            const std::optional<ValuesBeside>& beside = job.ellipsoids[field].beside;
+            room.kernels[part].beside = beside ? beside->view : nullptr;
+            room.kernels[part].beside_pivot = setup.parts[part].other_pivot;
             functions.feed_kernels(*job.ellipsoids[field].view, kernels.begin(tile), kernels.end(tile), shape,
                                    room.kernels[part]);
             any = any || !room.kernels[part].sections.empty();

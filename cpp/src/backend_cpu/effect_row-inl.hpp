@@ -8,6 +8,7 @@
 #define SHEETSPLAT_CPU_EFFECT_ROW_INL
 #endif
 
+#include <algorithm>
 #include <cstddef>
 
 #include "hwy/highway.h"
@@ -110,8 +111,13 @@ struct EffectRow {
 template <class Kind, class T>
 HWY_NOINLINE bool see(const Slab<T>& slab, const Kind& kind, EffectRow<T>& row, const Columns& here,
                       const Columns& after) {
+    const int first = std::min(here.x0, after.x0), past = std::max(here.x1, after.x1);
     return row.see_by(
-        slab, [&](int x) { return kind.may(x, row.y, here, after); },
+        slab,
+        [&](int x) {
+            return x + Slab<T>::lanes > first && x < past ? kind.may(x, row.y, here, after)
+                                                          : hn::FirstN(typename Slab<T>::D(), 0);
+        },
         [&](int x, auto lanes) { return kind.share(x, row.y, lanes); });
 }
 

@@ -281,6 +281,7 @@ HWY_INLINE void for_each_row(const Slab<T>& slab, EffectRow<T>& row, const Draw&
 template <bool perspective, class Kind, class T>
 HWY_NOINLINE void go_through_effects(const Slab<T>& slab, const Kind& kind) {
     const GradientScale<T> scale(slab.shading, slab.group, slab.window.n);
+    SuppliedColors<T> colors(slab);
     EffectRow<T> row;
     for_each_row<Kind::between>(slab, row, [&](const Columns& here, const Columns& after) {
         const Columns own = slab.columns_of_group(row.y, 0, here);
@@ -294,16 +295,16 @@ HWY_NOINLINE void go_through_effects(const Slab<T>& slab, const Kind& kind) {
         if (!classify<perspective, false>(kind, row)) {
             return;
         }
-        recolor<Kind::between && Kind::has_opacity, Kind::between>(slab, row);
+        recolor<Kind::between && Kind::has_opacity, Kind::between>(colors, row);
         shade_colors<perspective>(slab, row, scale);
         put<!Kind::has_opacity>(slab, row);
     });
 }
 
-/// A vector of pixels through the stages of scenes without effects.
+/// A vector of pixels through the stages of scenes without effects. colors: null where the group has its own.
 template <bool perspective, bool lit, class Kind, class T>
-HWY_INLINE void shade_vector(const Slab<T>& slab, const Kind& kind, const GradientScale<T>& scale, int x, int y,
-                             typename Slab<T>::M seen) {
+HWY_INLINE void shade_vector(const Slab<T>& slab, const Kind& kind, const GradientScale<T>& scale,
+                             SuppliedColors<T>* colors, int x, int y, typename Slab<T>::M seen) {
     using V = typename Slab<T>::V;
     const typename Slab<T>::D d;
     Color<typename Slab<T>::D> color;
@@ -313,6 +314,11 @@ HWY_INLINE void shade_vector(const Slab<T>& slab, const Kind& kind, const Gradie
         return;
     }
     const V share = kind.share(x, y, visible);
+    if (HWY_UNLIKELY(colors != nullptr)) {
+        colors->template begin_row<Kind::between>(y, {slab.window.rect.x0, slab.window.rect.x1});
+        color = colors->template in_place_of < Kind::between && Kind::has_opacity,
+        Kind::between > (x, visible, share, color);
+    }
     V doubt = hn::Zero(d);
     if constexpr (lit) {
         const auto against = gradient_at<perspective, false, Kind::between>(slab, scale, x, y, share, visible, doubt);
@@ -332,6 +338,8 @@ HWY_NOINLINE void go_straight(const Slab<T>& slab, const Kind kind) {
     const GradientScale<T> scale(slab.shading, slab.group, slab.window.n);
     const Rect& rect = slab.window.rect;
     const Columns whole{rect.x0, rect.x1};
+    SuppliedColors<T> supplied(slab);
+    SuppliedColors<T>* const colors = supplied.none() ? nullptr : &supplied;
     for (int y = rect.y0; y < rect.y1; ++y) {
         if (slab.picture.row_alive[y] == 0) {
             continue;
@@ -343,7 +351,7 @@ HWY_NOINLINE void go_straight(const Slab<T>& slab, const Kind kind) {
             }
             seen = slab.unfinished(d, seen, y, x);
             if (!hn::AllFalse(d, seen)) {
-                shade_vector<perspective, lit>(slab, kind, scale, x, y, seen);
+                shade_vector<perspective, lit>(slab, kind, scale, colors, x, y, seen);
             }
         }
     }

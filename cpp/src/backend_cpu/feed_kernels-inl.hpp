@@ -92,6 +92,9 @@ class KernelFeed {
                 const std::size_t next = index[fetched_ahead];
                 __builtin_prefetch(&arrays.centers[next]);
                 __builtin_prefetch(&arrays.values[next]);
+                if (kernels_.beside != nullptr) {
+                    __builtin_prefetch(&kernels_.beside->field().arrays().values[next]);
+                }
                 if (field_.isotropic()) {
                     __builtin_prefetch(&arrays.radii[next]);
                 } else {
@@ -134,8 +137,14 @@ class KernelFeed {
         const double weight = field_.weight(index) * amplitude;
         // A weight of 0 still reaches, by the least that is drawn: what D and W have of it is a value of 0.
         const double least = least_drawn_weight / view_.weight_scale();
-        const double value = weight > 0.0 ? (field_.value(index) - kernels_.pivot) * weight : -kernels_.pivot * least;
-        section.value = static_cast<T>(value * view_.value_scale());
+        const auto amount = [&](const EllipsoidView& view, double pivot) {
+            const double value = weight > 0.0 ? (view.field().value(index) - pivot) * weight : -pivot * least;
+            return static_cast<T>(value * view.value_scale());
+        };
+        section.value = amount(view_, kernels_.pivot);
+        if (kernels_.beside != nullptr) {
+            extra.other = amount(*kernels_.beside, kernels_.beside_pivot);
+        }
         extra.weight = static_cast<T>(std::max(weight, least) * view_.weight_scale());
     }
 

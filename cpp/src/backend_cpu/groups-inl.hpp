@@ -29,18 +29,24 @@ template <class T>
 struct GroupSlab {
     Slab<T> slab;
     GradientScale<T> scale;
+    SuppliedColors<T> colors;
 
     GroupSlab(const Slab<T>& first, std::size_t number)
         : slab(first.shading, first.shape, first.window, first.picture, number),
-          scale(slab.shading, slab.group, slab.window.n) {}
+          scale(slab.shading, slab.group, slab.window.n), colors(slab) {}
 };
 
+/// Those of all groups; shown: of groups that may show something.
 template <class T>
-std::vector<GroupSlab<T>> group_slabs(const Slab<T>& first) {
+std::vector<GroupSlab<T>> group_slabs(const Slab<T>& first, bool shown) {
     std::vector<GroupSlab<T>> slabs;
-    slabs.reserve(first.shading.groups.size());
-    for (std::size_t number = 0; number < first.shading.groups.size(); ++number) {
-        slabs.emplace_back(first, number);
+    const std::vector<GroupShading<T>>& groups = first.shading.groups;
+    slabs.reserve(groups.size());
+    for (std::size_t number = 0; number < groups.size(); ++number) {
+        const SheetWindow<T>& sheets = number == 0 ? first.window : first.window.later_groups[number - 1];
+        if (!shown || (groups[number].classified && !sheets.shown.cut_to(first.window.rect).empty())) {
+            slabs.emplace_back(first, number);
+        }
     }
     return slabs;
 }
@@ -101,10 +107,15 @@ struct Mixture {
 
 /// What a group takes of a row, and its colours. Returns whether there is anything.
 template <bool perspective, class Kind, class T>
-HWY_INLINE bool take(const GroupSlab<T>& of, const Kind& kind, EffectRow<T>& row, const Columns& here,
-                     const Columns& after) {
-    const Columns own = of.slab.columns_of_group(row.y, 0, here);
-    if (!see(of.slab, kind, row, own, Kind::between ? of.slab.columns_of_group(row.y, 1, after) : after)) {
+HWY_INLINE bool take(GroupSlab<T>& of, const Kind& kind, EffectRow<T>& row, const Columns& here, const Columns& after) {
+    const Columns shown = of.slab.columns_shown(row.y, {row.begin, row.past});
+    if (shown.x0 >= shown.x1) {
+        return false;
+    }
+    const Columns own = of.slab.columns_of_group(row.y, 0, of.slab.columns_shown(row.y, here));
+    const Columns own_after =
+        Kind::between ? of.slab.columns_of_group(row.y, 1, of.slab.columns_shown(row.y, after)) : own;
+    if (!see(of.slab, kind, row, own, own_after)) {
         return false;
     }
     find_gradients_of<perspective, Kind::between>(of.slab, row, of.scale);
@@ -112,7 +123,7 @@ HWY_INLINE bool take(const GroupSlab<T>& of, const Kind& kind, EffectRow<T>& row
     if (!classify<perspective, true>(kind, row)) {
         return false;
     }
-    recolor<Kind::between, Kind::between>(of.slab, row);
+    recolor<Kind::between, Kind::between>(of.colors, row);
     shade_colors<perspective>(of.slab, row, of.scale);
     return true;
 }
@@ -120,16 +131,13 @@ HWY_INLINE bool take(const GroupSlab<T>& of, const Kind& kind, EffectRow<T>& row
 /// Mode composite.
 template <bool perspective, class T>
 HWY_NOINLINE void mix_groups(const Slab<T>& first) {
-    const std::vector<GroupSlab<T>> slabs = group_slabs(first);
+    std::vector<GroupSlab<T>> slabs = group_slabs(first, true);
     EffectRow<T> row;
     Mixture<T> mixture;
     const auto draw = [&](const Columns& here, const Columns& after) {
         mixture.clear(row);
         bool any = false;
-        for (const GroupSlab<T>& of : slabs) {
-            if (!of.slab.group.classified) {
-                continue;
-            }
+        for (GroupSlab<T>& of : slabs) {
             bool some = false;
             const auto take_of = [&](const auto& kind) { some = take<perspective>(of, kind, row, here, after); };
             if (first.shading.preintegration) {
@@ -162,7 +170,7 @@ HWY_NOINLINE void sum_groups(const Slab<T>& first) {
     using V = typename Slab<T>::V;
     constexpr int lanes = Slab<T>::lanes;
     const typename Slab<T>::D d;
-    const std::vector<GroupSlab<T>> slabs = group_slabs(first);
+    const std::vector<GroupSlab<T>> slabs = group_slabs(first, false);
     const Shading<T>& shading = first.shading;
     const V step = hn::Set(d, shading.scalar_step), one = hn::Set(d, T(1)), zero = hn::Zero(d);
     std::vector<Columns> own(slabs.size());
@@ -253,16 +261,20 @@ HWY_INLINE V values_up_to(D d, const SurfaceTable<T>& table, V value) {
 
 /// Finds the rays that cross anything.
 template <class T>
-HWY_NOINLINE bool see_crossings(const std::vector<GroupSlab<T>>& slabs, EffectRow<T>& row, CrossedRow<T>& crossed,
-                                const Columns& here, const Columns& after) {
+HWY_NOINLINE bool see_crossings(const Slab<T>& first, const std::vector<GroupSlab<T>>& slabs, EffectRow<T>& row,
+                                CrossedRow<T>& crossed, const Columns& here, const Columns& after) {
     using V = typename Slab<T>::V;
     const typename Slab<T>::D d;
-    const Slab<T>& first = slabs.front().slab;
     const V zero = hn::Zero(d), one = hn::Set(d, T(1));
     const auto may = [&](int x) {
         auto some = hn::FirstN(d, 0);
         for (std::size_t number = 0; number < slabs.size(); ++number) {
             const Slab<T>& slab = slabs[number].slab;
+            const Columns shown = slab.columns_shown(row.y, {row.begin, row.past});
+            if (x + Slab<T>::lanes <= shown.x0 || x >= shown.x1) {
+                hn::Store(zero, d, crossed.groups[number].left + (x - row.begin));
+                continue;
+            }
             const SurfaceTable<T>& table = slab.group.surface_table;
             const V front = slab.rho(d, 1, row.y, x), back = slab.rho(d, 2, row.y, x);
             const V least = hn::Min(front, back), greatest = hn::Max(front, back);
@@ -297,10 +309,10 @@ HWY_NOINLINE bool see_crossings(const std::vector<GroupSlab<T>>& slabs, EffectRo
 /// Goes on to the next crossing of each ray that still changes: the nearest that is left, of those at one place that of
 /// the first group. Rays without one are closed. Returns whether there is any.
 template <class T>
-HWY_NOINLINE bool find_next(const std::vector<GroupSlab<T>>& slabs, const EffectRow<T>& row, CrossedRow<T>& crossed) {
+HWY_NOINLINE bool find_next(const Slab<T>& first, const std::vector<GroupSlab<T>>& slabs, const EffectRow<T>& row,
+                            CrossedRow<T>& crossed) {
     using V = typename Slab<T>::V;
     const typename Slab<T>::D d;
-    const Slab<T>& first = slabs.front().slab;
     const V stop = hn::Set(d, first.shading.stop), one = hn::Set(d, T(1)), zero = hn::Zero(d);
     bool any = false;
     row.for_each(crossed.open, [&](int x, int number, auto open) {
@@ -325,6 +337,9 @@ HWY_NOINLINE bool find_next(const std::vector<GroupSlab<T>>& slabs, const Effect
             GroupCrossings<T>& own = crossed.groups[of];
             const Slab<T>& slab = slabs[of].slab;
             const auto taken = hn::Eq(group, hn::Set(d, static_cast<T>(of)));
+            if (hn::AllFalse(d, taken)) {
+                continue;
+            }
             const auto rises = hn::Lt(slab.rho(d, 1, row.y, x), slab.rho(d, 2, row.y, x));
             const V left = hn::Sub(hn::Load(d, own.left + number), hn::IfThenElseZero(taken, one));
             const V step = hn::IfThenElse(rises, one, hn::Neg(one));
@@ -364,7 +379,7 @@ template <bool perspective, class T>
 HWY_NOINLINE void find_all_crossings(const Slab<T>& first) {
     using V = typename Slab<T>::V;
     const typename Slab<T>::D d;
-    const std::vector<GroupSlab<T>> slabs = group_slabs(first);
+    std::vector<GroupSlab<T>> slabs = group_slabs(first, true);
     EffectRow<T> row;
     CrossedRow<T> crossed;
     crossed.groups.resize(slabs.size());
@@ -372,7 +387,7 @@ HWY_NOINLINE void find_all_crossings(const Slab<T>& first) {
         if (!see_group(group, crossed, row)) {
             return;
         }
-        const GroupSlab<T>& of = slabs[group];
+        GroupSlab<T>& of = slabs[group];
         const SurfaceTable<T>& table = of.slab.group.surface_table;
         find_gradients_of<perspective, true>(of.slab, row, of.scale);
         row.classify_by([&](int x, int number, auto seen, auto& color) {
@@ -383,7 +398,7 @@ HWY_NOINLINE void find_all_crossings(const Slab<T>& first) {
                                              elements(d, table.falling_opacities, rank));
             return hn::IfThenElseZero(seen, opacity);
         });
-        recolor<false, true>(of.slab, row);
+        recolor<false, true>(of.colors, row);
         shade_colors<perspective>(of.slab, row, of.scale);
         row.for_each(row.alpha, [&](int x, int number, auto visible) {
             const std::ptrdiff_t at = first.in_plane(row.y) + x;
@@ -396,10 +411,10 @@ HWY_NOINLINE void find_all_crossings(const Slab<T>& first) {
         });
     };
     for_each_row<true>(first, row, [&](const Columns& here, const Columns& after) {
-        if (!see_crossings(slabs, row, crossed, here, after)) {
+        if (!see_crossings(first, slabs, row, crossed, here, after)) {
             return;
         }
-        while (find_next(slabs, row, crossed)) {
+        while (find_next(first, slabs, row, crossed)) {
             for (std::size_t group = 0; group < slabs.size(); ++group) {
                 put_crossings(group);
             }

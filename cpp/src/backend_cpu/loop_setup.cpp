@@ -84,11 +84,6 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     setup.first_depth = frame.first_depth;
     setup.slice_spacing = frame.slice_spacing;
     setup.slopes = shading.analytic_gradient;
-    const auto three = [&setup] {
-        const int first = setup.channels;
-        setup.channels += 3;
-        return first;
-    };
     const auto is_divided = [&](std::size_t field) {
         return plan.own_sheets.empty() ? plan.threshold : plan.own_sheets[field] >= 0;
     };
@@ -99,20 +94,35 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
                    ? number<T>(pivot_of(*job.scene->fields[field]) / plan.unit_of(field))
                    : T(0);
     };
+    /// The group whose weights a field has too, that is summed beside another one.
+    const auto weighs_as = [&](std::size_t field) -> const GroupSheets<T>* {
+        for (const EllipsoidPart& part : job.ellipsoids) {
+            if (part.beside && part.beside->field == field) {
+                return &setup.groups[group_drawn_of(*job.scene, part.field)];
+            }
+        }
+        return nullptr;
+    };
     // A field that is all of its group is divided in the group's sheets; each of several has two of its own.
     const std::vector<Group> groups = groups_drawn(*job.scene);
-    setup.label_sets = label_sets(groups);
+    for (const GroupRange& set : label_sets(groups)) {
+        setup.label_sets.push_back({set, setup.channels++});
+    }
     for (const Group& group : groups) {
         GroupSheets<T> sheets;
-        sheets.rho_channel = setup.channels++;
+        const auto take = [&](int count) { return sheets.take(setup.channels, count); };
+        sheets.rho_channel = take(1);
         sheets.threshold = group.last - group.first == 1 && is_divided(group.first);
         const bool shared_weight = sheets.threshold || setup.keep_weight;
-        if (shared_weight) {
-            sheets.weight_channel = setup.channels++;
+        const GroupSheets<T>* weighed = weighs_as(group.first);
+        if (weighed != nullptr) {
+            sheets.weight_channel = weighed->weight_channel;
+        } else if (shared_weight) {
+            sheets.weight_channel = take(1);
         }
         if (setup.slopes) {
-            sheets.slope_channel = three();
-            sheets.weight_slope_channel = shared_weight ? three() : -1;
+            sheets.slope_channel = take(3);
+            sheets.weight_slope_channel = shared_weight ? take(3) : -1;
         }
         if (sheets.threshold) {
             sheets.w0 = divisor<T>(job.scene->fields[group.first]->w0());
@@ -122,8 +132,10 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     }
     const auto add_part = [&](std::size_t field) {
         const Field& source = *job.scene->fields[field];
-        GroupSheets<T>& group = setup.groups[group_drawn_of(*job.scene, field)];
         PartProfile<T> profile;
+        profile.group = group_drawn_of(*job.scene, field);
+        GroupSheets<T>& group = setup.groups[profile.group];
+        const auto take = [&](int count) { return group.take(setup.channels, count); };
         const double k = source.kernel().falloff;
         profile.falloff_log2 = static_cast<T>(k * log2_e);
         profile.edge = static_cast<T>(source.kernel().edge());
@@ -134,11 +146,11 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
         profile.pivot = static_cast<double>(pivot(field)) * plan.unit_of(field);
         if (!group.threshold && is_divided(field)) {
             OwnSheets<T> own;
-            own.value_channel = profile.value_channel = setup.channels++;
-            own.weight_channel = profile.weight_channel = setup.channels++;
+            own.value_channel = profile.value_channel = take(1);
+            own.weight_channel = profile.weight_channel = take(1);
             if (setup.slopes) {
-                own.slope_channel = profile.slope_channel = three();
-                own.weight_slope_channel = profile.weight_slope_channel = three();
+                own.slope_channel = profile.slope_channel = take(3);
+                own.weight_slope_channel = profile.weight_slope_channel = take(3);
             }
             own.w0 = divisor<T>(source.w0());
             own.least_weight = number<T>(source.least_weight());
@@ -160,6 +172,12 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     }
     for (const EllipsoidPart& part : job.ellipsoids) {
         add_part(part.field);
+        if (part.beside) {
+            PartProfile<T>& profile = setup.parts.back();
+            profile.other_group = group_drawn_of(*job.scene, part.beside->field);
+            profile.other_channel = setup.groups[profile.other_group].rho_channel;
+            profile.other_pivot = static_cast<double>(pivot(part.beside->field)) * plan.unit_of(part.beside->field);
+        }
     }
     return setup;
 }

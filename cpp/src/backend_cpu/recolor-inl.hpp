@@ -22,80 +22,119 @@
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
-/// A field that colours of another one are taken from, in a row.
+/// The fields whose colours take the place of a group's own, in a slab.
 template <class T>
-struct SuppliedColor {
+class SuppliedColors {
+  public:
     using D = typename Slab<T>::D;
-    Slab<T> slab;
-    Columns kept_here, kept_after;
-    std::optional<PointSums<T>> here, after; ///< where it has no sheets
-
-    /// Of slice n + ahead; where it has no sheets, in some lanes.
-    HWY_INLINE hn::Vec<D> rho(D d, int ahead, int y, int x, hn::Mask<D> lanes) const {
-        const std::optional<PointSums<T>>& sums = ahead == 0 ? here : after;
-        return sums ? sums->at(x, lanes) : slab.rho(d, 1 + ahead, y, x);
-    }
-};
-
-/// Puts the colours of other fields in the place of a group's own, of what has an opacity, where any is not empty.
-/// ramps: of the interval behind the slice; else at `share` slice distances behind it.
-template <bool ramps, bool between, class T>
-HWY_NOINLINE void recolor(const Slab<T>& of, EffectRow<T>& row) {
     using V = typename Slab<T>::V;
-    const typename Slab<T>::D d;
-    const V zero = hn::Zero(d);
-    const GroupRange range = of.group.colors;
-    if (range.first == range.last) {
-        return;
-    }
-    const auto columns = [&](const Slab<T>& slab, int ahead) {
-        return slab.columns_of_group(row.y, ahead, {row.begin, row.past});
-    };
-    std::vector<SuppliedColor<T>> supplied;
-    for (std::size_t number = range.first; number < range.last; ++number) {
-        const Slab<T> slab(of.shading, of.shape, of.window, of.picture, number);
-        supplied.push_back({slab, columns(slab, 0), columns(slab, 1), {}, {}});
-        if (slab.group.summed_at_points) {
-            supplied.back().here.emplace(slab, row.y, 0);
-            supplied.back().after.emplace(slab, row.y, 1);
+    using M = typename Slab<T>::M;
+
+    /// of: the group's slab.
+    explicit SuppliedColors(const Slab<T>& of) {
+        const GroupRange range = of.group.colors;
+        fields_.reserve(range.last - range.first);
+        for (std::size_t number = range.first; number < range.last; ++number) {
+            fields_.push_back({Slab<T>(of.shading, of.shape, of.window, of.picture, number), {}, {}, {}, {}});
         }
     }
-    row.for_each(row.alpha, [&](int x, int place, auto visible) {
-        Color<typename Slab<T>::D> sum{zero, zero, zero};
+
+    [[nodiscard]] bool none() const { return fields_.empty(); }
+
+    /// To be called before colours of a row are asked for, as often as one likes. between: slice n + 1 is looked at.
+    template <bool between>
+    HWY_INLINE void begin_row(int y, const Columns& columns) {
+        if (y != y_) {
+            find_row<between>(y, columns);
+        }
+    }
+
+    /// In lanes `visible` from column x on: the fields' colours where any is not empty, else `own`. ramps: of the
+    /// interval behind the slice; else at `share` slice distances behind it.
+    template <bool ramps, bool between>
+    HWY_NOINLINE Color<D> in_place_of(int x, M visible, V share, const Color<D>& own) const {
+        const D d;
+        const V zero = hn::Zero(d);
+        Color<D> sum{zero, zero, zero};
         auto any = hn::FirstN(d, 0);
-        for (const SuppliedColor<T>& of_field : supplied) {
-            const Slab<T>& slab = of_field.slab;
-            auto there = slab.within(d, visible, x, of_field.kept_here);
-            V rho = of_field.rho(d, 0, row.y, x, there), next = zero;
-            there = slab.reached(d, there, 0, row.y, x, rho);
-            Color<typename Slab<T>::D> own;
+        for (const Field& field : fields_) {
+            const Slab<T>& slab = field.slab;
+            auto there = slab.within(d, visible, x, field.kept_here);
+            V rho = field.rho(d, 0, y_, x, there), next = zero;
+            there = slab.reached(d, there, 0, y_, x, rho);
+            Color<D> color;
             if constexpr (between) {
-                const auto behind = slab.within(d, visible, x, of_field.kept_after);
-                next = of_field.rho(d, 1, row.y, x, behind);
-                there = hn::Or(there, slab.reached(d, behind, 1, row.y, x, next));
+                const auto behind = slab.within(d, visible, x, field.kept_after);
+                next = field.rho(d, 1, y_, x, behind);
+                there = hn::Or(there, slab.reached(d, behind, 1, y_, x, next));
             }
             if constexpr (ramps) {
-                ramp_absorption(d, slab.group.ramps, rho, next, there, own);
+                ramp_absorption(d, slab.group.ramps, rho, next, there, color);
             } else {
                 if constexpr (between) {
-                    const V share = hn::Load(d, row.share + place);
                     rho = hn::MulAdd(share, hn::Sub(next, rho), rho);
                 }
                 with_table(slab, [&](const auto& table) {
                     typename std::decay_t<decltype(table)>::Place found;
                     table.opacity(d, rho, found);
-                    own = table.color(d, found);
+                    color = table.color(d, found);
                 });
             }
-            sum = {hn::Add(sum.red, hn::IfThenElseZero(there, own.red)),
-                   hn::Add(sum.green, hn::IfThenElseZero(there, own.green)),
-                   hn::Add(sum.blue, hn::IfThenElseZero(there, own.blue))};
+            sum = {hn::Add(sum.red, hn::IfThenElseZero(there, color.red)),
+                   hn::Add(sum.green, hn::IfThenElseZero(there, color.green)),
+                   hn::Add(sum.blue, hn::IfThenElseZero(there, color.blue))};
             any = hn::Or(any, there);
         }
-        const Color<typename Slab<T>::D> before = row.color(d, place);
-        row.set_color(d, place,
-                      {hn::IfThenElse(any, sum.red, before.red), hn::IfThenElse(any, sum.green, before.green),
-                       hn::IfThenElse(any, sum.blue, before.blue)});
+        return {hn::IfThenElse(any, sum.red, own.red), hn::IfThenElse(any, sum.green, own.green),
+                hn::IfThenElse(any, sum.blue, own.blue)};
+    }
+
+  private:
+    struct Field {
+        Slab<T> slab;
+        Columns kept_here, kept_after;
+        std::optional<PointSums<T>> here, after; ///< where it has no sheets
+
+        /// Of slice n + ahead; where it has no sheets, in some lanes.
+        HWY_INLINE V rho(D d, int ahead, int y, int x, M lanes) const {
+            const std::optional<PointSums<T>>& sums = ahead == 0 ? here : after;
+            return sums ? sums->at(x, lanes) : slab.rho(d, 1 + ahead, y, x);
+        }
+    };
+
+    template <bool between>
+    HWY_NOINLINE void find_row(int y, const Columns& columns) {
+        y_ = y;
+        for (Field& field : fields_) {
+            field.kept_here = field.slab.columns_of_group(y, 0, columns);
+            if constexpr (between) {
+                field.kept_after = field.slab.columns_of_group(y, 1, columns);
+            }
+            if (field.slab.group.summed_at_points) {
+                field.here.emplace(field.slab, y, 0);
+                if constexpr (between) {
+                    field.after.emplace(field.slab, y, 1);
+                }
+            }
+        }
+    }
+
+    std::vector<Field> fields_;
+    int y_ = -1;
+};
+
+/// Gives what has an opacity in a row the colours of other fields, if it takes any.
+template <bool ramps, bool between, class T>
+HWY_NOINLINE void recolor(SuppliedColors<T>& colors, EffectRow<T>& row) {
+    if (colors.none()) {
+        return;
+    }
+    const typename Slab<T>::D d;
+    colors.template begin_row<between>(row.y, {row.begin, row.past});
+    row.for_each(row.alpha, [&](int x, int number, auto visible) {
+        row.set_color(d, number,
+                      colors.template in_place_of<ramps, between>(x, visible, hn::Load(d, row.share + number),
+                                                                  row.color(d, number)));
     });
 }
 

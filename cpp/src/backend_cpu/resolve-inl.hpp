@@ -10,6 +10,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
 #include "backend_cpu/tile_task.hpp"
 #include "hwy/highway.h"
@@ -101,67 +102,112 @@ void divide_group(const GroupSheets<T>& group, bool keep_weight, const SheetRing
     }
 }
 
-/// Of groups that hold the weights of labels, what each is above the largest other one, and its derivatives. Where a
-/// label has no weight it is below 0, so that no point shows what is not there.
-template <class T>
-HWY_NOINLINE void compare_labels(const LoopSetup<T>& setup, const GroupRange& set, const SheetRing<T>& ring,
-                                 const TileShape& shape, std::int64_t n, const Rect& rect) {
-    const hn::CappedTag<T, 16> d;
-    const int lanes = static_cast<int>(hn::Lanes(d));
-    const auto zero = hn::Zero(d), absent = hn::Set(d, T(-1e-12));
-    const auto count = static_cast<T>(set.last - set.first);
-    const auto sheet = [&](std::size_t group, std::ptrdiff_t at) {
-        return ring.plane(n, setup.groups[group].rho_channel) + at;
-    };
-    for (int y = rect.y0; y < rect.y1; ++y) {
-        const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(y) * shape.stride;
-        for (int x = rect.x0; x < rect.x1; x += lanes) {
-            const std::ptrdiff_t at = row + x;
-            auto largest = zero, second = zero, first = hn::Set(d, T(-1)), next = first;
-            for (T label = 0; label < count; label += T(1)) {
-                const auto number = hn::Set(d, label);
-                const auto own = hn::LoadU(d, sheet(set.first + static_cast<std::size_t>(label), at));
-                const auto leads = hn::Gt(own, largest), follows = hn::Gt(own, second);
-                next = hn::IfThenElse(leads, first, hn::IfThenElse(follows, number, next));
-                second = hn::IfThenElse(leads, largest, hn::IfThenElse(follows, own, second));
-                first = hn::IfThenElse(leads, number, first);
-                largest = hn::IfThenElse(leads, own, largest);
-            }
-            for (int axis = 0; axis < 3 && setup.slopes; ++axis) {
-                const auto slope = [&](std::size_t group) {
-                    return ring.plane(n, setup.groups[group].slope_channel + axis) + at;
-                };
-                auto of_first = zero, of_next = zero;
-                for (T label = 0; label < count; label += T(1)) {
-                    const auto own = hn::LoadU(d, slope(set.first + static_cast<std::size_t>(label)));
-                    of_first = hn::IfThenElse(hn::Eq(first, hn::Set(d, label)), own, of_first);
-                    of_next = hn::IfThenElse(hn::Eq(next, hn::Set(d, label)), own, of_next);
-                }
-                for (T label = 0; label < count; label += T(1)) {
-                    T* own = slope(set.first + static_cast<std::size_t>(label));
-                    const auto other = hn::IfThenElse(hn::Eq(first, hn::Set(d, label)), of_next, of_first);
-                    hn::StoreU(hn::Sub(hn::LoadU(d, own), other), d, own);
-                }
-            }
-            for (T label = 0; label < count; label += T(1)) {
-                T* place = sheet(set.first + static_cast<std::size_t>(label), at);
-                const auto own = hn::LoadU(d, place);
-                const auto other = hn::IfThenElse(hn::Eq(first, hn::Set(d, label)), second, largest);
-                const auto above = hn::Sub(own, other);
-                hn::StoreU(hn::IfThenElse(hn::Gt(own, zero), above, hn::Min(above, absent)), d, place);
-            }
+/// The two largest weights of labels in a vector of pixels.
+template <class D>
+struct LargestLabels {
+    hn::Vec<D> largest, second;
+    hn::Vec<D> first, next; ///< whose they are, where slopes are summed; -1: of none
+
+    HWY_INLINE explicit LargestLabels(D d)
+        : largest(hn::Zero(d)), second(largest), first(hn::Set(d, hn::TFromD<D>(-1))), next(first) {}
+    template <bool slopes>
+    HWY_INLINE void look_at(D d, hn::Vec<D> own, hn::TFromD<D> label) {
+        if constexpr (slopes) {
+            const auto number = hn::Set(d, label);
+            const auto leads = hn::Gt(own, largest), follows = hn::Gt(own, second);
+            next = hn::IfThenElse(leads, first, hn::IfThenElse(follows, number, next));
+            first = hn::IfThenElse(leads, number, first);
+        }
+        second = hn::Max(second, hn::Min(own, largest));
+        largest = hn::Max(largest, own);
+    }
+};
+
+/// The derivatives of what labels are above the largest other one, in place of those of their weights.
+template <class D, class T>
+HWY_NOINLINE void compare_slopes(D d, const LoopSetup<T>& setup, const GroupRange& groups, const SheetRing<T>& ring,
+                                 std::int64_t n, std::ptrdiff_t at, const LargestLabels<D>& found) {
+    const auto count = static_cast<T>(groups.last - groups.first);
+    for (int axis = 0; axis < 3; ++axis) {
+        const auto slope = [&](T label) {
+            const GroupSheets<T>& group = setup.groups[groups.first + static_cast<std::size_t>(label)];
+            return ring.plane(n, group.slope_channel + axis) + at;
+        };
+        auto of_first = hn::Zero(d), of_next = hn::Zero(d);
+        for (T label = 0; label < count; label += T(1)) {
+            const auto own = hn::LoadU(d, slope(label));
+            of_first = hn::IfThenElse(hn::Eq(found.first, hn::Set(d, label)), own, of_first);
+            of_next = hn::IfThenElse(hn::Eq(found.next, hn::Set(d, label)), own, of_next);
+        }
+        for (T label = 0; label < count; label += T(1)) {
+            const auto other = hn::IfThenElse(hn::Eq(found.first, hn::Set(d, label)), of_next, of_first);
+            hn::StoreU(hn::Sub(hn::LoadU(d, slope(label)), other), d, slope(label));
         }
     }
 }
 
-template <class T>
-void divide(const LoopSetup<T>& setup, const SheetRing<T>& ring, const TileShape& shape, std::int64_t n,
-            const Rect& rect) {
-    for (const GroupSheets<T>& group : setup.groups) {
-        divide_group(group, setup.keep_weight, ring, shape, n, rect);
+/// Of groups that hold the weights of labels, what each is above the largest other one. Where a label has no weight it
+/// is below 0, so that no point shows what is not there. Unless slopes are summed, those of a set that were not drawn
+/// to on the slice share one sheet. sheets: room for those that were.
+template <bool slopes, class T>
+HWY_NOINLINE void compare_labels(const LoopSetup<T>& setup, std::size_t number, SheetRing<T>& ring,
+                                 const TileShape& shape, std::int64_t n, std::vector<T*>& sheets) {
+    using D = hn::CappedTag<T, 16>;
+    const D d;
+    const int lanes = static_cast<int>(hn::Lanes(d));
+    const LabelSet& set = setup.label_sets[number];
+    Rect rect;
+    for (std::size_t group = set.groups.first; group < set.groups.last; ++group) {
+        rect.add(ring.touched(n, group));
     }
-    for (const GroupRange& set : setup.label_sets) {
-        compare_labels(setup, set, ring, shape, n, rect);
+    if (rect.empty()) {
+        return;
+    }
+    sheets.clear();
+    for (std::size_t group = set.groups.first; group < set.groups.last; ++group) {
+        if (slopes || !ring.touched(n, group).empty()) {
+            sheets.push_back(ring.plane(n, setup.groups[group].rho_channel));
+            ring.write(n, rect, group);
+        }
+    }
+    ring.write_set(n, rect, number);
+    T* const of_absent = ring.plane(n, set.absent_channel);
+    T* const* const own_sheets = sheets.data();
+    const std::size_t count = sheets.size();
+    const auto zero = hn::Zero(d), absent = hn::Set(d, T(-1e-12));
+    for (int y = rect.y0; y < rect.y1; ++y) {
+        const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(y) * shape.stride;
+        for (int x = rect.x0; x < rect.x1; x += lanes) {
+            const std::ptrdiff_t at = row + x;
+            LargestLabels<D> found(d);
+            for (std::size_t label = 0; label < count; ++label) {
+                found.template look_at<slopes>(d, hn::LoadU(d, own_sheets[label] + at), static_cast<T>(label));
+            }
+            if constexpr (slopes) {
+                compare_slopes(D(), setup, set.groups, ring, n, at, found);
+            }
+            for (std::size_t label = 0; label < count; ++label) {
+                const auto own = hn::LoadU(d, own_sheets[label] + at);
+                // (Of two that are alike each is 0 above the other.)
+                const auto other = hn::IfThenElse(hn::Ge(own, found.largest), found.second, found.largest);
+                const auto above = hn::Sub(own, other);
+                hn::StoreU(hn::IfThenElse(hn::Gt(own, zero), above, hn::Min(above, absent)), d, own_sheets[label] + at);
+            }
+            hn::StoreU(hn::Min(hn::Neg(found.largest), absent), d, of_absent + at);
+        }
+    }
+}
+
+/// sheets: room.
+template <class T>
+void divide(const LoopSetup<T>& setup, SheetRing<T>& ring, const TileShape& shape, std::int64_t n,
+            std::vector<T*>& sheets) {
+    for (std::size_t group = 0; group < setup.groups.size(); ++group) {
+        divide_group(setup.groups[group], setup.keep_weight, ring, shape, n, ring.touched(n, group));
+    }
+    for (std::size_t set = 0; set < setup.label_sets.size(); ++set) {
+        setup.slopes ? compare_labels<true>(setup, set, ring, shape, n, sheets)
+                     : compare_labels<false>(setup, set, ring, shape, n, sheets);
     }
 }
 

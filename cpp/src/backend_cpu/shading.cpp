@@ -50,6 +50,7 @@ GroupShading<T> group_of(const Group& of, const ShadingInputs::OfGroup& inputs, 
         }
     }
     group.surface_table = make_surface_table(group.surfaces);
+    group.at_zero = is_composited(plan.mode) && group.transfer.below < T(0) && group.transfer.above > T(0);
     group.weakest_gradient = inputs.weakest_gradient;
     group.least_weight = number<T>(inputs.least_weight);
     group.full_gradient = inputs.full_gradient;
@@ -217,7 +218,6 @@ Shading<T> make_shading(const Scene& scene, const Camera& camera, const Frame& f
     shading.axis_y = frame.axis_y - 0.5;
     shading.pixel = frame.pixel;
     add_effects(scene, camera, frame, plan, inputs, volumes, shading);
-    shading.by_effects = shading.by_effects || shading.groups.size() > 1;
     return shading;
 }
 

@@ -203,6 +203,12 @@ struct Slab {
     [[nodiscard]] Columns columns_of_group(int y, int ahead, const Columns& columns) const {
         return group.kept.empty() ? columns : columns_in(group.kept, y, ahead, columns);
     }
+    /// Of columns, those in which the group may show something in a row.
+    [[nodiscard]] Columns columns_shown(int y, const Columns& columns) const {
+        const Rect& rect = sheets.shown;
+        return y >= rect.y0 && y < rect.y1 ? Columns{std::max(columns.x0, rect.x0), std::min(columns.x1, rect.x1)}
+                                           : Columns{};
+    }
     [[nodiscard]] Columns columns_in(const std::vector<KeptHalfSpace>& halves, int y, int ahead,
                                      const Columns& columns) const {
         double first = columns.x0, past = columns.x1;

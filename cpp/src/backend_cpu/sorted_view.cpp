@@ -21,6 +21,8 @@ bool same_place(const EllipsoidView& a, const Vec3& eye, const Vec3& right, cons
     return a.eye_world() == eye && a.right_world() == right && a.up_world() == up;
 }
 
+std::uint64_t beside_version(const EllipsoidPart& part) { return part.beside ? part.beside->visible_version : 0; }
+
 std::vector<RowExtent> extents_of(const VisibleRuns& runs) {
     std::vector<RowExtent> rows(runs.rows());
     for (std::size_t row = 0; row < rows.size(); ++row) {
@@ -59,7 +61,7 @@ SortedView SortedView::of(const Job& job, const TileLayout& layout, int edge, Re
     }
     for (const EllipsoidPart& part : job.ellipsoids) {
         view.scattered.push_back({part.kernels, part.view->eye_world(), part.view->right_world(), part.view->up_world(),
-                                  part.view->filtered(), part.visible_version,
+                                  part.view->filtered(), part.visible_version, beside_version(part),
                                   bucket_kernels(*part.view, *part.visible, layout, rects, pool, poll)});
     }
     return view;
@@ -92,7 +94,8 @@ bool SortedView::serves(const Job& job, const TileLayout& layout, int edge_now) 
         const KernelBuckets& kept = scattered[part];
         const EllipsoidPart& asked = job.ellipsoids[part];
         if (kept.kernels != asked.kernels || kept.filtered != asked.view->filtered() ||
-            kept.visible_version != asked.visible_version || !same_place(*asked.view, kept.eye, kept.right, kept.up)) {
+            kept.visible_version != asked.visible_version || kept.beside_version != beside_version(asked) ||
+            !same_place(*asked.view, kept.eye, kept.right, kept.up)) {
             return false;
         }
     }

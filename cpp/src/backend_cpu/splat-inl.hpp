@@ -40,6 +40,7 @@ HWY_INLINE Rect box_in(const SectionExtra<T>& extra, const Rect& seen) {
 template <Sums sums, class T, bool slopes>
 HWY_INLINE int add_kernel(Splat<T, slopes>& splat, const Section<T>& section, const SectionExtra<T>& extra,
                           const RowShape<T>& shape, int count) {
+    const Amounts<T> amounts{section.value, extra.weight, extra.other};
     if (splat.setup.slab) {
         const Rect box = box_in(extra, splat.live.rect);
         if (box.empty()) {
@@ -47,12 +48,12 @@ HWY_INLINE int add_kernel(Splat<T, slopes>& splat, const Section<T>& section, co
         }
         if (is_upright(shape) && !splat.setup.perspective && splat.profile.integrates &&
             splat.profile.root_falloff * std::abs(shape.ds) >= shortest_slab<T>) {
-            return add_upright_slabs<sums>(splat, section, extra.weight, shape, count, box);
+            return add_upright_slabs<sums>(splat, section, amounts, shape, count, box);
         }
-        return add_ray_slabs<sums>(splat, section, extra.weight, shape, count, box);
+        return add_ray_slabs<sums>(splat, section, amounts, shape, count, box);
     }
     if (is_upright(shape) && !splat.setup.perspective) {
-        return add_spheres<sums>(splat, section, extra.weight, shape, T(1) / shape.X, count);
+        return add_spheres<sums>(splat, section, amounts, shape, T(1) / shape.X, count);
     }
     if constexpr (!slopes) {
         if (splat.setup.perspective && shape.Y1 == T(0) && extra.x0 < extra.x1) {
@@ -60,11 +61,11 @@ HWY_INLINE int add_kernel(Splat<T, slopes>& splat, const Section<T>& section, co
             if (box.empty() || !splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
                 return 0;
             }
-            return add_one_product<sums>(ProductBox<T>(box, T(0), T(0)), splat, section, extra.weight,
+            return add_one_product<sums>(ProductBox<T>(box, T(0), T(0)), splat, section, amounts,
                                          product_view<T>(splat, shape, T(0), T(0), nullptr), count);
         }
     }
-    return add_ellipses<sums>(splat, section, extra.weight, shape, count);
+    return add_ellipses<sums>(splat, section, amounts, shape, count);
 }
 
 /// The last slice that a kernel meets whose extent along depth is half_depth slices.
@@ -121,7 +122,8 @@ class UprightKernels {
             const Section<T>& section = kernels_.sections[numbers[kernel]];
             const int count = splat_.slices_of(last_of(section, half_depth_, kernels_.last_slice), numbers[kernel]);
             if (count > 0) {
-                drawn += add_spheres<sums>(splat_, section, kernels_.weight, kernels_.shapes.front(), per_X_, count);
+                drawn += add_spheres<sums>(splat_, section, {section.value, kernels_.weight, T(0)},
+                                           kernels_.shapes.front(), per_X_, count);
             }
         }
         return drawn;
@@ -142,6 +144,11 @@ bool with_way(Splat<T, slopes>& splat, const TileKernels<T>& kernels, const Tile
     const RowShape<T>& shape = kernels.shapes.front();
     const bool alike = kernels.shapes.size() == 1 && kernels.extras.empty() && !setup.slab;
     const bool upright = alike && !setup.perspective && is_upright(shape);
+    if constexpr (!slopes) {
+        if (splat.profile.other_channel >= 0) {
+            return use(SingleKernels<Sums::pairs, T, slopes>(splat, kernels));
+        }
+    }
     return with_sums<T>(splat.profile, [&](auto sums) {
         if (upright) {
             return SphereBatch<sums.value, T, slopes>::holds(shape)

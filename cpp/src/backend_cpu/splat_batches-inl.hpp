@@ -65,7 +65,7 @@ class SphereBatch {
         if constexpr (slopes) {
             for (int kernel = 0; kernel < room; ++kernel) {
                 const T value = kernels_.sections[numbers[std::min(kernel, number - 1)]].value;
-                scale_[kernel] = Steepness<sums, T>(splat_.steep(), value, kernels_.weight).scale;
+                scale_[kernel] = Steepness<sums, T>(splat_.steep(), {value, kernels_.weight, T(0)}).scale;
             }
         }
         const D d;
@@ -101,28 +101,29 @@ class SphereBatch {
     /// Adds `count` slices of a kernel to the sheets.
     HWY_INLINE void add(int kernel, const Rect& box, int count, T value) const {
         const hn::CappedTag<T, most_px> d;
-        const T edge = splat_.profile.edge, weight = kernels_.weight;
+        const T edge = splat_.profile.edge;
+        const Amounts<T> amounts{value, kernels_.weight, T(0)};
         const int start = start_of<T>(box.x0, box.x1, static_cast<int>(hn::Lanes(d)));
         const T at_x = at_.a1[kernel] + shape_.X * static_cast<T>(start);
         HWY_ALIGN T bell_x[2 * most_px];
         bells(d, -minus_k_, at_x, shape_.X, box.x1 - start, bell_x);
         HWY_ALIGN T slope_x[slopes ? 2 * most_px : 1];
-        const Steepness<sums, T> steepness(splat_.steep(), value, weight);
+        const Steepness<sums, T> steepness(splat_.steep(), amounts);
         if constexpr (slopes) {
             lines(d, at_x, shape_.X, steepness.scale, box.x1 - start, slope_x);
         }
-        in_batches<slopes ? 2 : 5>(0, count, [&](int slice, auto number) {
+        in_batches<most_together<sums, slopes>>(0, count, [&](int slice, auto number) {
             const T* bell_y = bell_y_ + kernel;
             const T* bell_z = bell_z_ + slice * room + kernel;
             if constexpr (slopes) {
                 separable_slopes<sums, number.value, room>(d, splat_.targets + slice, bell_x, bell_y, bell_z, slope_x,
                                                            slope_y_ + kernel, slope_z_ + slice * room + kernel, edge,
-                                                           value, weight, steepness, AllRows{box.y1 - box.y0}, start,
-                                                           box.x1, box.y0);
+                                                           amounts, steepness, AllRows{box.y1 - box.y0}, start, box.x1,
+                                                           box.y0);
             } else {
                 add_rows<sums, number.value>(d, splat_.targets + slice,
                                              SeparableBells<decltype(d), number.value, room>(bell_x, bell_y, bell_z),
-                                             edge, value, weight, start, box.x1, box.y0, box.y1);
+                                             edge, amounts, start, box.x1, box.y0, box.y1);
             }
         });
     }

@@ -180,7 +180,7 @@ HWY_INLINE V exp2_any(D d, V x) {
 
 template <Sums sums, class D, class T, bool slopes>
 HWY_NOINLINE void walk(D d, const Splat<T, slopes>& splat, const Target<T>& to, const RowShape<T>& shape,
-                       const Ellipses<T>& e, int slice, T value_t, T weight_t, int x0, int x1, int y0, int y1) {
+                       const Ellipses<T>& e, int slice, const Amounts<T>& amounts, int x0, int x1, int y0, int y1) {
     const int lanes = static_cast<int>(hn::Lanes(d));
     const int start = start_of<T>(x0, x1, lanes);
     EllipseColumns<T> columns;
@@ -189,10 +189,10 @@ HWY_NOINLINE void walk(D d, const Splat<T, slopes>& splat, const Target<T>& to, 
     const T X = shape.X * e.scale[slice], Y1 = shape.Y1 * e.scale[slice], Y2 = shape.Y2 * e.scale[slice];
     const T a1 = e.a1[slice], a2 = e.a2[slice], s2 = e.s2[slice];
     const auto q = exp2_nonpositive(d, hn::Set(d, -T(2) * k * (Y1 * Y1 + Y2 * Y2)));
-    const auto value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
+    const Shares<D> shares(d, amounts);
     const auto edge = hn::Set(d, splat.profile.edge);
     const auto minus_k = hn::Set(d, -k);
-    const Steepness<sums, T> steepness(splat.steep(), value_t, weight_t);
+    const Steepness<sums, T> steepness(splat.steep(), amounts);
     const T steep = steepness.scale;
     const AlongRay<T> along = along_ray(splat, shape, steep);
     // What slopes change by from row to row in orthographic views.
@@ -217,12 +217,11 @@ HWY_NOINLINE void walk(D d, const Splat<T, slopes>& splat, const Target<T>& to, 
             on_ridge = slope_in(static_cast<T>(ridge));
         }
         const auto add_rows = [&](int y, int end, int step, auto g, auto h) {
-            T* values = to.value + static_cast<std::ptrdiff_t>(y) * to.stride + x;
-            T* weights = sums != Sums::values ? to.weight + static_cast<std::ptrdiff_t>(y) * to.stride + x : nullptr;
+            Pixels<sums, T> pixels(to, static_cast<std::ptrdiff_t>(y) * to.stride + x);
             const std::ptrdiff_t stride = static_cast<std::ptrdiff_t>(to.stride) * step;
             auto off_ridge = hn::Set(d, static_cast<T>(y - ridge));
             for (; y != end; y += step) {
-                add_bell<sums>(d, hn::Sub(g, edge), value, weight, values, weights);
+                add_bell<sums>(d, hn::Sub(g, edge), shares, pixels);
                 if constexpr (slopes) {
                     const Slope<D> slope = straight ? Slope<D>{hn::MulAdd(off_ridge, by_row.column, on_ridge.column),
                                                                hn::MulAdd(off_ridge, by_row.row, on_ridge.row),
@@ -234,10 +233,7 @@ HWY_NOINLINE void walk(D d, const Splat<T, slopes>& splat, const Target<T>& to, 
                 }
                 g = hn::Mul(g, h);
                 h = hn::Mul(h, q);
-                values += stride;
-                if constexpr (sums != Sums::values) {
-                    weights += stride;
-                }
+                pixels = pixels.further(stride);
             }
         };
         const auto q1_at = [&](int y) { return hn::Add(at_row_0, hn::Set(d, Y1 * static_cast<T>(y))); };
@@ -279,15 +275,15 @@ HWY_NOINLINE void walk(D d, const Splat<T, slopes>& splat, const Target<T>& to, 
 
 template <Sums sums, class D, class T, bool slopes>
 HWY_NOINLINE void evaluate_rows(D d, const Splat<T, slopes>& splat, const Target<T>& to, const RowShape<T>& shape,
-                                const Ellipses<T>& e, int slice, T value_t, T weight_t, int x0, int x1, int y0,
+                                const Ellipses<T>& e, int slice, const Amounts<T>& amounts, int x0, int x1, int y0,
                                 int y1) {
     const int lanes = static_cast<int>(hn::Lanes(d));
     const T X = shape.X * e.scale[slice], Y1 = shape.Y1 * e.scale[slice], Y2 = shape.Y2 * e.scale[slice];
     const T per_X = T(1) / X;
     const auto scale = hn::Set(d, -splat.profile.falloff_log2);
     const auto edge = hn::Set(d, splat.profile.edge);
-    const auto value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
-    const Steepness<sums, T> steepness(splat.steep(), value_t, weight_t);
+    const Shares<D> shares(d, amounts);
+    const Steepness<sums, T> steepness(splat.steep(), amounts);
     const T steep = steepness.scale;
     const AlongRay<T> along = along_ray(splat, shape, steep);
     for (int y = y0; y < y1; ++y) {
@@ -306,8 +302,7 @@ HWY_NOINLINE void evaluate_rows(D d, const Splat<T, slopes>& splat, const Target
             const auto column = hn::Iota(d, static_cast<T>(x));
             const auto q1 = hn::MulAdd(hn::Set(d, X), column, hn::Set(d, b));
             const auto bell = exp2_nonpositive(d, hn::Mul(scale, hn::MulAdd(q1, q1, height)));
-            add_bell<sums>(d, hn::Sub(bell, edge), value, weight, to.value + at + x,
-                           sums != Sums::values ? to.weight + at + x : nullptr);
+            add_bell<sums>(d, hn::Sub(bell, edge), shares, Pixels<sums, T>(to, at + x));
             if constexpr (slopes) {
                 const auto slope = slope_at(d, along, X * steep, Y1 * steep, Y2 * steep, q1, q2, e.s[slice], column,
                                             static_cast<T>(y));
@@ -322,8 +317,8 @@ HWY_NOINLINE void evaluate_rows(D d, const Splat<T, slopes>& splat, const Target
 /// start where the column is brightest, and anew every few rows, so that errors do not grow. Where the ellipse is
 /// so thin that a vector spans powers of two beyond the format, rows are evaluated one by one.
 template <Sums sums, class T, bool slopes>
-HWY_NOINLINE int add_ellipses(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
-                              int count) {
+HWY_NOINLINE int add_ellipses(Splat<T, slopes>& splat, const Section<T>& section, const Amounts<T>& amounts,
+                              const RowShape<T>& shape, int count) {
     Ellipses<T> e;
     measure(splat, section, shape, count, e);
     const hn::CappedTag<T, 8> d;
@@ -347,11 +342,11 @@ HWY_NOINLINE int add_ellipses(Splat<T, slopes>& splat, const Section<T>& section
             return splat.profile.falloff_log2 * (across * across + T(1)) < deepest_span<T>;
         };
         if (!walks(d)) {
-            evaluate_rows<sums>(d, splat, to, shape, e, slice, section.value, weight, x0, x1, y0, y1);
+            evaluate_rows<sums>(d, splat, to, shape, e, slice, amounts, x0, x1, y0, y1);
         } else if (x1 - x0 > static_cast<int>(hn::Lanes(d)) && walks(wide)) {
-            walk<sums>(wide, splat, to, shape, e, slice, section.value, weight, x0, x1, y0, y1);
+            walk<sums>(wide, splat, to, shape, e, slice, amounts, x0, x1, y0, y1);
         } else {
-            walk<sums>(d, splat, to, shape, e, slice, section.value, weight, x0, x1, y0, y1);
+            walk<sums>(d, splat, to, shape, e, slice, amounts, x0, x1, y0, y1);
         }
         splat.single[slice].add(Rect{x0, y0, x1, y1});
         ++drawn;

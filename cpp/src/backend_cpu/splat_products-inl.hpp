@@ -381,8 +381,8 @@ HWY_INLINE void find_places(const ProductBox<T>& at, const Section<T>& section, 
 
 /// Adds the slices from n on, `count` of them, of a kernel whose factors are known.
 template <Sums sums, class T, bool slopes>
-HWY_NOINLINE void add_product(const ProductBox<T>& at, const Bells<T>& bells, Splat<T, slopes>& splat, T value,
-                              T weight, const ProductView<T>& view, int count) {
+HWY_NOINLINE void add_product(const ProductBox<T>& at, const Bells<T>& bells, Splat<T, slopes>& splat,
+                              const Amounts<T>& amounts, const ProductView<T>& view, int count) {
     const Rect& box = at.box;
     splat.through[count - 1].add(box);
     Lean<T> lean;
@@ -391,12 +391,12 @@ HWY_NOINLINE void add_product(const ProductBox<T>& at, const Bells<T>& bells, Sp
         lean = {table, view.lean->stride(), view.lean->apart()};
     }
     in_narrowest<T>(box.x1 - box.x0, [&](auto d) {
-        in_batches<5>(0, count, [&](int slice, auto together) {
+        in_batches<most_together<sums, slopes>>(0, count, [&](int slice, auto together) {
             const auto add = [&](auto leans) {
                 add_rows<sums, together.value>(
                     d, splat.targets + slice,
                     ProductBells<decltype(d), together.value, leans.value>(bells, lean, slice), splat.profile.edge,
-                    value, weight, at.start, box.x1, box.y0, box.y1);
+                    amounts, at.start, box.x1, box.y0, box.y1);
             };
             if (lean.table == nullptr) {
                 add(std::integral_constant<Leans, Leans::no>());
@@ -411,8 +411,8 @@ HWY_NOINLINE void add_product(const ProductBox<T>& at, const Bells<T>& bells, Sp
 
 /// Adds the slices from n on, `count` of them, of a kernel.
 template <Sums sums, class T, bool slopes>
-HWY_NOINLINE int add_one_product(const ProductBox<T>& at, Splat<T, slopes>& splat, const Section<T>& section, T weight,
-                                 const ProductView<T>& view, int count) {
+HWY_NOINLINE int add_one_product(const ProductBox<T>& at, Splat<T, slopes>& splat, const Section<T>& section,
+                                 const Amounts<T>& amounts, const ProductView<T>& view, int count) {
     static_assert(!slopes, "derivatives are not products");
     ProductPlaces<T> first, more;
     find_places(at, section, view, static_cast<T>(splat.n - section.first), first, more);
@@ -427,7 +427,7 @@ HWY_NOINLINE int add_one_product(const ProductBox<T>& at, Splat<T, slopes>& spla
         bells_of_columns(wide, k, first, more, at.box.x1 - at.start, count, room.x, most_edge);
         bells_of_rows(wide, k, first, more, at.box.y1 - at.box.y0, count, room.y, most_edge);
     }
-    add_product<sums>(at, bells, splat, section.value, weight, view, count);
+    add_product<sums>(at, bells, splat, amounts, view, count);
     return count;
 }
 
@@ -451,8 +451,9 @@ class ProductBatch {
             if (count <= 0) {
                 continue;
             }
+            const Amounts<T> amounts{section.value, kernels_.weight, T(0)};
             if (!(holds_[kernel] > T(0))) {
-                drawn += add_ellipses<sums>(splat_, section, kernels_.weight, view_.shape, count);
+                drawn += add_ellipses<sums>(splat_, section, amounts, view_.shape, count);
                 continue;
             }
             const Rect box = at_.box(kernel);
@@ -465,7 +466,7 @@ class ProductBatch {
                 small[smalls++] = {place, &section, count};
                 most = std::max(most, count);
             } else {
-                add_one_product<sums>(place, splat_, section, kernels_.weight, view_, count);
+                add_one_product<sums>(place, splat_, section, amounts, view_, count);
             }
         }
         add_small(small, smalls, most);
@@ -524,7 +525,7 @@ class ProductBatch {
         for (int i = 0; i < number; ++i) {
             const T* own = bells + i * apart;
             add_product<sums>(small[i].place, Bells<T>{own, own + small_px, 2 * small_px}, splat_,
-                              small[i].section->value, kernels_.weight, view_, small[i].count);
+                              {small[i].section->value, kernels_.weight, T(0)}, view_, small[i].count);
         }
     }
 

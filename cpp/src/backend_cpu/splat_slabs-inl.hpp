@@ -28,15 +28,21 @@ namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 template <class T>
 constexpr T half_root_pi = T(0.88622692545275801);
 
-/// Adds a kernel's value (and weight). Where a steep profile has nothing left, or a difference of integrals cancels,
-/// rays that meet the support still do: the point is not empty.
+/// Adds a kernel's shares. Where a steep profile has nothing left, or a difference of integrals cancels, rays that meet
+/// the support still do: the point is not empty.
 template <Sums sums, class D, class T = hn::TFromD<D>, class V = hn::Vec<D>>
-HWY_INLINE void add_reached(D d, V bell, hn::Mask<D> met, V value, V weight, const Target<T>& to, std::ptrdiff_t at) {
-    add_bell<Sums::values>(d, bell, value, weight, to.value + at, nullptr);
-    if constexpr (sums == Sums::weights) {
+HWY_INLINE void add_reached(D d, V bell, hn::Mask<D> met, const Shares<D>& shares, const Target<T>& to,
+                            std::ptrdiff_t at) {
+    const V t = hn::Max(bell, hn::Zero(d));
+    const auto add = [&](V share, T* sheet) { hn::StoreU(hn::MulAdd(share, t, hn::LoadU(d, sheet)), d, sheet); };
+    add(shares.value, to.value + at);
+    if constexpr (sums != Sums::values) {
         const V least = hn::IfThenElseZero(met, hn::Set(d, std::numeric_limits<T>::min()));
-        const V added = hn::Max(hn::Mul(weight, hn::Max(bell, hn::Zero(d))), least);
+        const V added = hn::Max(hn::Mul(shares.weight, t), least);
         hn::StoreU(hn::Add(hn::LoadU(d, to.weight + at), added), d, to.weight + at);
+    }
+    if constexpr (sums == Sums::pairs) {
+        add(shares.other, to.other + at);
     }
 }
 
@@ -289,10 +295,10 @@ template <Sums sums, class D, class T, bool slopes>
 class RaySlabs {
   public:
     /// every: all slabs are gone through on every ray.
-    RaySlabs(Splat<T, slopes>& splat, const SlabKernel<T>& kernel, T value, T weight, int count, const Rect& box,
-             bool every)
-        : splat_(splat), kernel_(kernel), bounds_(kernel, box), box_(box), value_(value), weight_(weight),
-          steepness_(splat.steep(), value, weight), count_(count), every_(every) {
+    RaySlabs(Splat<T, slopes>& splat, const SlabKernel<T>& kernel, const Amounts<T>& amounts, int count,
+             const Rect& box, bool every)
+        : splat_(splat), kernel_(kernel), bounds_(kernel, box), box_(box), amounts_(amounts),
+          steepness_(splat.steep(), amounts), count_(count), every_(every) {
         std::fill(std::begin(any_), std::end(any_), every);
     }
 
@@ -427,7 +433,7 @@ class RaySlabs {
     HWY_INLINE void add(const SlabRays<D>& rays, int number, const SlabMean<D>& mean, std::ptrdiff_t at) const {
         const D d;
         const Target<T>& to = splat_.targets[number];
-        add_reached<sums>(d, mean.lowered, mean.reached, hn::Set(d, value_), hn::Set(d, weight_), to, at);
+        add_reached<sums>(d, mean.lowered, mean.reached, Shares<D>(d, amounts_), to, at);
         if constexpr (slopes) {
             // The mean of q times the Gaussian.
             const V m1 = hn::MulAdd(rays.near1, mean.plain, hn::Mul(rays.along1, mean.moment));
@@ -445,7 +451,7 @@ class RaySlabs {
     const SlabKernel<T>& kernel_;
     const SlabBounds<T> bounds_;
     const Rect& box_;
-    const T value_, weight_;
+    const Amounts<T> amounts_;
     const Steepness<sums, T> steepness_;
     const int count_;
     const bool every_;
@@ -453,8 +459,8 @@ class RaySlabs {
 };
 
 template <Sums sums, class T, bool slopes>
-HWY_NOINLINE int add_ray_slabs(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
-                               int count, const Rect& box) {
+HWY_NOINLINE int add_ray_slabs(Splat<T, slopes>& splat, const Section<T>& section, const Amounts<T>& amounts,
+                               const RowShape<T>& shape, int count, const Rect& box) {
     if (!splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
         return 0;
     }
@@ -468,11 +474,9 @@ HWY_NOINLINE int add_ray_slabs(Splat<T, slopes>& splat, const Section<T>& sectio
     // Wide vectors hold rays that cross other slabs.
     const bool alike = std::abs(kernel.X * w1) * T(8) < across2 + depth2;
     if (alike && box.x1 - box.x0 > 8) {
-        return RaySlabs<sums, hn::CappedTag<T, 16>, T, slopes>(splat, kernel, section.value, weight, count, box, every)
-            .draw();
+        return RaySlabs<sums, hn::CappedTag<T, 16>, T, slopes>(splat, kernel, amounts, count, box, every).draw();
     }
-    return RaySlabs<sums, hn::CappedTag<T, 8>, T, slopes>(splat, kernel, section.value, weight, count, box, every)
-        .draw();
+    return RaySlabs<sums, hn::CappedTag<T, 8>, T, slopes>(splat, kernel, amounts, count, box, every).draw();
 }
 
 /// The slabs of a kernel along rays that are one of its axes: where they end along it, from back to front as q3 falls,
@@ -516,16 +520,17 @@ struct UprightRows {
 /// rays that leave the kernel inside it, to where they do.
 template <Sums sums, class D, class T, bool slopes>
 HWY_INLINE void upright_slabs(D d, const Splat<T, slopes>& splat, const SlabKernel<T>& kernel, const SlabEnds<T>& ends,
-                              const UprightRows<T>& rows, T value_t, T weight_t, int count, int x0, const Rect& box) {
+                              const UprightRows<T>& rows, const Amounts<T>& amounts, int count, int x0,
+                              const Rect& box) {
     using V = hn::Vec<D>;
     const int lanes = static_cast<int>(hn::Lanes(d));
     const PartProfile<T>& profile = splat.profile;
     const Target<T>* to = splat.targets;
     const V zero = hn::Zero(d), one = hn::Set(d, T(1)), X = hn::Set(d, kernel.X);
-    const V value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
+    const Shares<D> shares(d, amounts);
     const V thin = hn::Set(d, ends.per_thickness), edge = hn::Set(d, profile.edge * ends.per_thickness);
     const PolynomialIntegral<D> integral{profile};
-    const Steepness<sums, T> steepness(splat.steep(), value_t, weight_t);
+    const Steepness<sums, T> steepness(splat.steep(), amounts);
     const V minus_k = hn::Set(d, -profile.falloff_log2), at_edge = hn::Set(d, profile.edge);
     const T k = profile.root_falloff * profile.root_falloff;
     const V along = hn::Set(d, kernel.ds * steepness.scale * ends.per_thickness * T(0.5) / k);
@@ -567,7 +572,7 @@ HWY_INLINE void upright_slabs(D d, const Splat<T, slopes>& splat, const SlabKern
                 const End after = end_at(slice + 1);
                 const V lowered = hn::Sub(before.integral, after.integral);
                 const auto reached = hn::Gt(before.at, after.at);
-                add_reached<sums>(d, lowered, reached, value, weight, to[slice], at);
+                add_reached<sums>(d, lowered, reached, shares, to[slice], at);
                 if constexpr (slopes) {
                     const V plain = hn::MulAdd(edge, hn::Sub(before.at, after.at), lowered);
                     const Slope<D> slope{hn::Mul(plain, across), hn::Mul(plain, down),
@@ -583,7 +588,7 @@ HWY_INLINE void upright_slabs(D d, const Splat<T, slopes>& splat, const SlabKern
 /// Kernels whose sections are upright ellipses in one place, in orthographic views: the profile is a product, and what
 /// depends on depth is the same for all pixels whose rays stay inside the kernel.
 template <Sums sums, class T, bool slopes>
-HWY_NOINLINE int add_upright_slabs(Splat<T, slopes>& splat, const Section<T>& section, T weight,
+HWY_NOINLINE int add_upright_slabs(Splat<T, slopes>& splat, const Section<T>& section, const Amounts<T>& amounts,
                                    const RowShape<T>& shape, int count, const Rect& box) {
     if (!splat.live.sees(box.x0, box.y0, box.x1, box.y1)) {
         return 0;
@@ -598,7 +603,7 @@ HWY_NOINLINE int add_upright_slabs(Splat<T, slopes>& splat, const Section<T>& se
     const SlabEnds<T> ends(hn::CappedTag<T, 16>(), splat.profile, kernel.s - T(0.5) * shape.ds, shape.ds, count + 1);
     in_narrowest<T>(box.x1 - box.x0, [&](auto d) {
         const int start = start_of<T>(box.x0, box.x1, static_cast<int>(hn::Lanes(d)));
-        upright_slabs<sums>(d, splat, kernel, ends, rows, section.value, weight, count, start, box);
+        upright_slabs<sums>(d, splat, kernel, ends, rows, amounts, count, start, box);
     });
     splat.through[count - 1].add(box);
     return count;

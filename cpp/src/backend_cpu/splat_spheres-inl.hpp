@@ -61,16 +61,15 @@ class SeparableBells {
 /// Adds rows of `slices` sections, whose sheets are written side by side, so that one loop serves all of them; column
 /// by column of vectors, of which `bells` keeps what it can in registers.
 template <Sums sums, int slices, class D, class Bells, class T = hn::TFromD<D>>
-HWY_INLINE void add_rows(D d, const Target<T>* to, Bells bells, T edge_t, T value_t, T weight_t, int x0, int x1, int y0,
-                         int y1) {
-    const auto edge = hn::Set(d, edge_t), value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
+HWY_INLINE void add_rows(D d, const Target<T>* to, Bells bells, T edge_t, const Amounts<T>& amounts, int x0, int x1,
+                         int y0, int y1) {
+    const auto edge = hn::Set(d, edge_t);
+    const Shares<D> shares(d, amounts);
     const std::ptrdiff_t stride = to[0].stride;
     // Copies, since the compiler must think that sheets might hold these.
-    T* values[slices];
-    T* weights[slices];
+    Pixels<sums, T> sheets[slices];
     for (int slice = 0; slice < slices; ++slice) {
-        values[slice] = to[slice].value;
-        weights[slice] = to[slice].weight;
+        sheets[slice] = Pixels<sums, T>(to[slice], 0);
     }
     for (int x = x0; x < x1; x += static_cast<int>(hn::Lanes(d))) {
         bells.at_column(x - x0);
@@ -78,8 +77,7 @@ HWY_INLINE void add_rows(D d, const Target<T>* to, Bells bells, T edge_t, T valu
         for (int y = 0; y < y1 - y0; ++y, at += stride) {
             bells.at_row(y);
             for (int slice = 0; slice < slices; ++slice) {
-                add_bell<sums>(d, bells.less(edge, slice), value, weight, values[slice] + at,
-                               sums != Sums::values ? weights[slice] + at : nullptr);
+                add_bell<sums>(d, bells.less(edge, slice), shares, sheets[slice].further(at));
             }
         }
     }
@@ -128,10 +126,12 @@ struct AllRows {
 /// As add_rows of SeparableBells, with the derivatives.
 template <Sums sums, int slices, int stride_of_bells = 1, class D, class Rows, class T = hn::TFromD<D>>
 HWY_INLINE void separable_slopes(D d, const Target<T>* to, const T* bell_x, const T* bell_y, const T* bell_z,
-                                 const T* slope_x, const T* slope_y, const T* slope_z, T edge_t, T value_t, T weight_t,
-                                 const Steepness<sums, T>& steepness, const Rows& rows, int x0, int x1, int y0) {
+                                 const T* slope_x, const T* slope_y, const T* slope_z, T edge_t,
+                                 const Amounts<T>& amounts, const Steepness<sums, T>& steepness, const Rows& rows,
+                                 int x0, int x1, int y0) {
     const int lanes = static_cast<int>(hn::Lanes(d));
-    const auto edge = hn::Set(d, edge_t), value = hn::Set(d, value_t), weight = hn::Set(d, weight_t);
+    const auto edge = hn::Set(d, edge_t);
+    const Shares<D> shares(d, amounts);
     const std::ptrdiff_t stride = to[0].stride;
     Target<T> sheets[slices];
     T z[slices], steep_z[slices];
@@ -151,8 +151,7 @@ HWY_INLINE void separable_slopes(D d, const Target<T>* to, const T* bell_x, cons
                 for (int slice = 0; slice < slices; ++slice) {
                     const Target<T>& sheet = sheets[slice];
                     const auto bell = hn::Mul(here, hn::Set(d, z[slice]));
-                    add_bell<sums>(d, hn::Sub(bell, edge), value, weight, sheet.value + at,
-                                   sums != Sums::values ? sheet.weight + at : nullptr);
+                    add_bell<sums>(d, hn::Sub(bell, edge), shares, Pixels<sums, T>(sheet, at));
                     add_slope<sums>(d, inside_support(d, bell, edge),
                                     Slope<D>{slope_x_here, slope_y_here, hn::Set(d, steep_z[slice])}, steepness.ratio,
                                     sheet, at);
@@ -164,8 +163,8 @@ HWY_INLINE void separable_slopes(D d, const Target<T>* to, const T* bell_x, cons
 
 /// One Gaussian along each of x, y and depth serves all sections of a kernel.
 template <Sums sums, class T, bool slopes>
-HWY_NOINLINE int add_spheres(Splat<T, slopes>& splat, const Section<T>& section, T weight, const RowShape<T>& shape,
-                             T per_X, int count) {
+HWY_NOINLINE int add_spheres(Splat<T, slopes>& splat, const Section<T>& section, const Amounts<T>& amounts,
+                             const RowShape<T>& shape, T per_X, int count) {
     const T per_Y = T(1) / std::abs(shape.Y2);
     const T middle_x = -section.a1 * per_X, middle_y = shape.Y2 < T(0) ? section.a2 * per_Y : -section.a2 * per_Y;
     const Rect box{whole(std::ceil(middle_x - per_X), splat.live.rect.x0, splat.live.rect.x1),
@@ -198,14 +197,14 @@ HWY_NOINLINE int add_spheres(Splat<T, slopes>& splat, const Section<T>& section,
     HWY_ALIGN T slope_x[slopes ? most_edge : 1];
     HWY_ALIGN T slope_y[slopes ? most_edge : 1];
     HWY_ALIGN T slope_z[slopes ? covered_slices + 16 : 1];
-    const Steepness<sums, T> steepness(splat.steep(), section.value, weight);
+    const Steepness<sums, T> steepness(splat.steep(), amounts);
     if constexpr (slopes) {
         lines(wide, at_x, shape.X, steepness.scale, box.x1 - start, slope_x);
         lines(wide, at_y, shape.Y2, steepness.scale, height, slope_y);
         lines(middling, at_z, shape.ds, steepness.scale, covered_slices, slope_z);
     }
     in_narrowest<T>(width, [&](auto d) {
-        in_batches<slopes ? 2 : 5>(0, count, [&](int slice, auto number) {
+        in_batches<most_together<sums, slopes>>(0, count, [&](int slice, auto number) {
             constexpr int together = number.value;
             if constexpr (slopes) {
                 // The section nearest to the centre is the largest.
@@ -215,12 +214,12 @@ HWY_NOINLINE int add_spheres(Splat<T, slopes>& splat, const Section<T>& section,
                 const ReachedRows<T> rows{
                     at_x, shape.X, middle_y - static_cast<T>(box.y0), per_Y, T(1) - least * least, height};
                 separable_slopes<sums, together>(d, splat.targets + slice, bell_x, bell_y, bell_z + slice, slope_x,
-                                                 slope_y, slope_z + slice, splat.profile.edge, section.value, weight,
-                                                 steepness, rows, start, box.x1, box.y0);
+                                                 slope_y, slope_z + slice, splat.profile.edge, amounts, steepness, rows,
+                                                 start, box.x1, box.y0);
             } else {
                 add_rows<sums, together>(d, splat.targets + slice,
                                          SeparableBells<decltype(d), together, 1>(bell_x, bell_y, bell_z + slice),
-                                         splat.profile.edge, section.value, weight, start, box.x1, box.y0, box.y1);
+                                         splat.profile.edge, amounts, start, box.x1, box.y0, box.y1);
             }
         });
     });

@@ -29,6 +29,14 @@ namespace hn = hwy::HWY_NAMESPACE;
 enum class Sums {
     values,  ///< the sum of m f g
     weights, ///< beside it that of m g
+    pairs,   ///< and beside both that of m f g of another field's values, without derivatives
+};
+
+/// What a kernel adds to sheets, times its profile.
+template <class T>
+struct Amounts {
+    T value, weight;
+    T other; ///< of the other field's values
 };
 
 /// The sheets of one slice that a part adds to.
@@ -36,6 +44,7 @@ template <class T>
 struct Target {
     T* value;
     T* weight; ///< null: not summed
+    T* other;  ///< null: not summed
     int stride;
     /// Of derivatives of both over columns, rows and slices: three sheets each, one after the other. Null: not summed.
     T* slope;
@@ -49,13 +58,53 @@ HWY_INLINE int whole(T at, int low, int high) {
     return static_cast<int>(std::min(std::max(at, static_cast<T>(low)), static_cast<T>(high)));
 }
 
-/// Adds t = max(0, bell - edge) times value (and weight) to a vector of pixels.
+/// Amounts in vectors.
+template <class D>
+struct Shares {
+    hn::Vec<D> value, weight, other;
+    HWY_INLINE Shares(D d, const Amounts<hn::TFromD<D>>& amounts)
+        : value(hn::Set(d, amounts.value)), weight(hn::Set(d, amounts.weight)), other(hn::Set(d, amounts.other)) {}
+};
+
+/// Where a vector of pixels is in the sheets that are summed.
+template <Sums sums, class T>
+struct Pixels {
+    T* values;
+    T* weights = nullptr;
+    T* others = nullptr;
+
+    Pixels() = default;
+    HWY_INLINE Pixels(const Target<T>& to, std::ptrdiff_t at) : values(to.value + at) {
+        if constexpr (sums != Sums::values) {
+            weights = to.weight + at;
+        }
+        if constexpr (sums == Sums::pairs) {
+            others = to.other + at;
+        }
+    }
+    [[nodiscard]] HWY_INLINE Pixels further(std::ptrdiff_t by) const {
+        Pixels moved = *this;
+        moved.values += by;
+        if constexpr (sums != Sums::values) {
+            moved.weights += by;
+        }
+        if constexpr (sums == Sums::pairs) {
+            moved.others += by;
+        }
+        return moved;
+    }
+};
+
+/// Adds t = max(0, bell - edge) times a kernel's shares to a vector of pixels.
 template <Sums sums, class D, class V = hn::Vec<D>>
-HWY_INLINE void add_bell(D d, V bell_less_edge, V value, V weight, hn::TFromD<D>* values, hn::TFromD<D>* weights) {
+HWY_INLINE void add_bell(D d, V bell_less_edge, const Shares<D>& shares, const Pixels<sums, hn::TFromD<D>>& to) {
     const V t = hn::Max(bell_less_edge, hn::Zero(d));
-    hn::StoreU(hn::MulAdd(value, t, hn::LoadU(d, values)), d, values);
-    if constexpr (sums == Sums::weights) {
-        hn::StoreU(hn::MulAdd(weight, t, hn::LoadU(d, weights)), d, weights);
+    hn::StoreU(hn::MulAdd(shares.value, t, hn::LoadU(d, to.values)), d, to.values);
+    if constexpr (sums != Sums::values) {
+        hn::StoreU(hn::MulAdd(shares.weight, t, hn::LoadU(d, to.weights)), d, to.weights);
+    }
+    if constexpr (sums == Sums::pairs) {
+        hn::StoreU(hn::MulAdd(shares.other, t, hn::LoadU(d, to.others)), d, to.others);
     }
 }
 
@@ -71,9 +120,9 @@ struct Steepness {
     T scale; ///< where weights are summed, by weight, else by value
     T ratio; ///< of value to weight; of Sums::weights
 
-    HWY_INLINE Steepness(T steep, T value, T weight)
-        : scale(steep * (sums == Sums::values ? value : weight)), ratio(sums == Sums::weights ? value / weight : T(0)) {
-    }
+    HWY_INLINE Steepness(T steep, const Amounts<T>& of)
+        : scale(steep * (sums == Sums::values ? of.value : of.weight)),
+          ratio(sums == Sums::weights ? of.value / of.weight : T(0)) {}
 };
 
 /// Adds bell times slope to sheets of derivatives, at element `at`: to those of values times `per_weight` where there
@@ -132,6 +181,10 @@ HWY_INLINE int narrowest_lanes(int width) {
     in_narrowest<T>(width, [&](auto d) { lanes = static_cast<int>(hn::Lanes(d)); });
     return lanes;
 }
+
+/// Slices of a kernel whose rows are written side by side: as many as there are registers for their sheets.
+template <Sums sums, bool slopes>
+constexpr int most_together = slopes ? 2 : (sums == Sums::pairs ? 4 : 5);
 
 /// Calls add(slice, number) for slices `first` ... count - 1: as many at once as number.value says, `most` while so
 /// many are left.

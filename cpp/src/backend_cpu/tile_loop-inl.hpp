@@ -32,8 +32,8 @@ template <class T>
 class TileLoop {
   public:
     TileLoop(const LoopSetup<T>& setup, const TileShape& shape, TileScratch<T>& scratch)
-        : setup_(setup), shape_(shape), scratch_(scratch), ring_(scratch.ring.data(), setup.channels, shape),
-          live_(shape), reach_(setup.groups.front().reach, shape, scratch) {
+        : setup_(setup), shape_(shape), scratch_(scratch), ring_(scratch.ring.data(), setup, shape), live_(shape),
+          reach_(setup.groups.front().reach, shape, scratch) {
         if (setup.sums_slices && !setup.shading->kept.empty()) {
             kept_.emplace(*setup.shading, shape, setup.slices, scratch);
         }
@@ -67,8 +67,8 @@ class TileLoop {
             if (!splat(n, between)) {
                 break;
             }
-            if (const auto* slot = ring_.find(n)) {
-                divide(setup_, ring_, shape_, n, slot->touched);
+            if (ring_.find(n) != nullptr) {
+                divide(setup_, ring_, shape_, n, compared_);
             }
             const int alive = scratch_.planes.alive;
             shade(n - lag);
@@ -144,8 +144,13 @@ class TileLoop {
         Target<T> targets[covered_slices];
         for (int slice = 0; slice < covered_slices; ++slice) {
             const auto sheet = [&](int channel) { return channel >= 0 ? ring_.plane(n + slice, channel) : nullptr; };
-            targets[slice] = {sheet(profile.value_channel), sheet(profile.weight_channel),       shape_.stride,
-                              sheet(profile.slope_channel), sheet(profile.weight_slope_channel), ring_.elements()};
+            targets[slice] = {sheet(profile.value_channel),
+                              sheet(profile.weight_channel),
+                              sheet(profile.other_channel),
+                              shape_.stride,
+                              sheet(profile.slope_channel),
+                              sheet(profile.weight_slope_channel),
+                              ring_.elements()};
         }
         Splat<T, slopes> splat{setup_, profile, live_, static_cast<std::int32_t>(n), targets, part.waiting_for(n)};
         // One slice can hold very many kernels. (Where the picture is given up, so are the sheets.)
@@ -155,7 +160,10 @@ class TileLoop {
             return asked_ % splats_between_polls >= kernels || between();
         });
         splat.tell([&](std::int32_t slice, const Rect& rect) {
-            ring_.touch(slice, rect);
+            ring_.touch(slice, rect, profile.group);
+            if (profile.other_channel >= 0) {
+                ring_.touch(slice, rect, profile.other_group);
+            }
             last_touched_ = std::max<std::int64_t>(last_touched_, slice);
         });
         if (!part.waiting_for(n).empty()) {
@@ -220,14 +228,13 @@ class TileLoop {
                 rect.add(after->touched);
             }
         }
-        window.rect = Rect{std::max(rect.x0 - 1, 0), std::max(rect.y0 - 1, 0), std::min(rect.x1 - 1, shape_.width),
-                           std::min(rect.y1 - 1, shape_.height)};
+        window.rect = in_picture(rect);
         if (window.rect.empty()) {
             return;
         }
-        find_sheets(setup_.groups.front(), n, window);
+        find_sheets(0, n, window);
         for (std::size_t later = 0; later < later_.size(); ++later) {
-            find_sheets(setup_.groups[later + 1], n, later_[later]);
+            find_sheets(later + 1, n, later_[later]);
         }
         window.later_groups = later_.data();
         if (records(SliceRecord::Of::rho)) {
@@ -242,13 +249,29 @@ class TileLoop {
         shade_slab(*setup_.shading, shape_, window, scratch_.planes);
     }
 
+    /// Of pixels of the sheets, those of the tile.
+    [[nodiscard]] Rect in_picture(const Rect& rect) const {
+        return Rect{rect.x0 - 1, rect.y0 - 1, rect.x1 - 1, rect.y1 - 1}.cut_to({0, 0, shape_.width, shape_.height});
+    }
+
     /// The sheets of a group around slice n.
-    void find_sheets(const GroupSheets<T>& group, std::int64_t n, SheetWindow<T>& window) const {
+    void find_sheets(std::size_t number, std::int64_t n, SheetWindow<T>& window) const {
+        const GroupSheets<T>& group = setup_.groups[number];
         const auto sheet = [&](std::int64_t slice, int channel) -> const T* {
             return ring_.find(slice) != nullptr ? ring_.plane(slice, channel) : scratch_.zeros.data();
         };
+        const auto set = std::find_if(setup_.label_sets.begin(), setup_.label_sets.end(), [&](const LabelSet& one) {
+            return number >= one.groups.first && number < one.groups.last;
+        });
         for (int around = 0; around < (setup_.intervals ? 4 : 3); ++around) {
-            window.rho[around] = sheet(n - 1 + around, group.rho_channel);
+            const std::int64_t slice = n - 1 + around;
+            const bool absent = set != setup_.label_sets.end() && ring_.touched(slice, number).empty();
+            window.rho[around] = sheet(slice, absent ? set->absent_channel : group.rho_channel);
+        }
+        if (!setup_.shading->groups[number].at_zero) {
+            Rect touched = ring_.touched(n, number);
+            touched.add(setup_.intervals ? ring_.touched(n + 1, number) : Rect());
+            window.shown = in_picture(touched);
         }
         window.reach = setup_.shading->empty_test && !setup_.keep_weight ? &group.reach : nullptr;
         for (int ahead = 0; ahead < (setup_.intervals ? 2 : 1); ++ahead) {
@@ -270,6 +293,7 @@ class TileLoop {
     std::vector<TilePart<T>> parts_;      ///< lattices first
     std::optional<KeptOfPixels<T>> kept_; ///< where sums over slices are clipped
     bool all_summed_ = true;              ///< all parts are lattices that have been added to the picture
+    std::vector<T*> compared_;            ///< sheets of labels
     std::vector<SheetWindow<T>> later_ = std::vector<SheetWindow<T>>(setup_.groups.size() - 1);
     unsigned asked_ = 0;
     unsigned changes_ = 0;

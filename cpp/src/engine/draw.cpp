@@ -1,8 +1,11 @@
 #include "draw.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "backend_cpu/cpu_renderer.hpp"
+#include "base/memory.hpp"
+#include "scene/mode_rules.hpp"
 #include "view/ellipsoid_view.hpp"
 
 namespace sheetsplat {
@@ -18,6 +21,39 @@ std::vector<EllipsoidView> views_of(const Indexed& indexed, const DrawPlan& plan
     return views;
 }
 
+std::vector<Twins> find_twins(const std::vector<const GridEntry*>& grids, FieldIndex& index) {
+    std::vector<Twins> found;
+    std::vector<std::uint8_t> taken(grids.size(), 0);
+    for (std::size_t first = 0; first < grids.size(); ++first) {
+        for (std::size_t second = first + 1; second < grids.size() && taken[first] == 0; ++second) {
+            const GridEntry &one = *grids[first], &other = *grids[second];
+            if (taken[second] != 0 || !index.differ_in_values(one.field.lock(), other.field.lock())) {
+                continue;
+            }
+            Twins twins{first, second, {}};
+            if (one.visible != other.visible) {
+                require_memory(one.visible.size(), "the kernels of two fields", "draw fewer kernels");
+                twins.visible.resize(one.visible.size());
+                std::transform(one.visible.begin(), one.visible.end(), other.visible.begin(), twins.visible.begin(),
+                               [](std::uint8_t a, std::uint8_t b) { return static_cast<std::uint8_t>(a | b); });
+            }
+            found.push_back(std::move(twins));
+            taken[first] = taken[second] = 1;
+        }
+    }
+    return found;
+}
+
+namespace {
+
+/// Whether the sums of a field's values are divided by those of its weights, in sheets of its own.
+bool is_divided_alone(const Scene& scene, std::size_t field) {
+    const Group group = groups_drawn(scene)[group_drawn_of(scene, field)];
+    return group.last - group.first == 1 && scene.fields[field]->normalization() == Normalization::threshold;
+}
+
+} // namespace
+
 backend_cpu::Job cpu_job(const Request& request, const Prepared& prepared, const Indexed& indexed,
                          const std::vector<FieldView>& lattices, const std::vector<EllipsoidView>& scattered,
                          const Camera& camera, const Frame& frame, const DrawPlan& plan) {
@@ -25,10 +61,26 @@ backend_cpu::Job cpu_job(const Request& request, const Prepared& prepared, const
     for (std::size_t part = 0; part < lattices.size(); ++part) {
         job.regular.push_back({prepared.view_fields[part], &lattices[part], &indexed.runs[part]->runs});
     }
+    std::vector<const Twins*> twins_of(scattered.size(), nullptr);
+    for (const Twins& twins : indexed.twins) {
+        if (!plan.analytic_gradient && is_divided_alone(request.scene, prepared.ellipsoid_fields[twins.first]) &&
+            is_divided_alone(request.scene, prepared.ellipsoid_fields[twins.second])) {
+            twins_of[twins.first] = twins_of[twins.second] = &twins;
+        }
+    }
     for (std::size_t part = 0; part < scattered.size(); ++part) {
+        const Twins* twins = twins_of[part];
+        if (twins != nullptr && twins->second == part) {
+            continue;
+        }
         const GridEntry& entry = *indexed.grids[part];
-        job.ellipsoids.push_back(
-            {prepared.ellipsoid_fields[part], entry.kernels, &scattered[part], &entry.visible, entry.version});
+        backend_cpu::EllipsoidPart& made = job.ellipsoids.emplace_back();
+        made = {prepared.ellipsoid_fields[part], entry.kernels, &scattered[part], &entry.visible, entry.version, {}};
+        if (twins != nullptr) {
+            made.visible = twins->visible.empty() ? &entry.visible : &twins->visible;
+            made.beside = {prepared.ellipsoid_fields[twins->second], &scattered[twins->second],
+                           indexed.grids[twins->second]->version};
+        }
     }
     job.scene = &request.scene;
     job.camera = &camera;

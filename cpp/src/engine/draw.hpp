@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "backend_cpu/cpu_renderer.hpp"
@@ -47,11 +48,18 @@ struct Prepared {
     Work work;
 };
 
+/// Two of Indexed::grids whose kernels differ in their values alone.
+struct Twins {
+    std::size_t first = 0, second = 0;
+    std::vector<std::uint8_t> visible; ///< for either; empty: they have the same flags
+};
+
 /// What is drawn: of each view's and each scattered field's kernels.
 struct Indexed {
     std::vector<const RunsEntry*> runs;
     std::vector<const GridEntry*> grids;
     std::vector<std::size_t> grid_fields; ///< whose grids they are, in the scene
+    std::vector<Twins> twins;             ///< a grid is one of at most two
     std::size_t visible = 0, all = 0, bytes = 0;
     LightVolumes volumes; ///< where the plan has shadows or ambient occlusion
 };
@@ -61,6 +69,9 @@ inline Filter filter_of(const DrawPlan& plan) { return plan.filter ? Filter::ewa
 inline bool keeps_lattices(const DrawPlan& plan) {
     return !plan.filter || can(plan.summary.backend, Ability::filters_lattices);
 }
+
+/// Those of Indexed::grids. Throws OutOfMemory.
+std::vector<Twins> find_twins(const std::vector<const GridEntry*>& grids, FieldIndex& index);
 
 /// How the scattered kernels of a picture look to a camera, in the order of Indexed::grids. Refers to its arguments.
 std::vector<EllipsoidView> views_of(const Indexed& indexed, const DrawPlan& plan, const Camera& camera,

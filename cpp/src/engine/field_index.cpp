@@ -132,6 +132,26 @@ bool lie_alike(const EllipsoidField& a, const EllipsoidField& b) {
            one.rotations == other.rotations;
 }
 
+/// Whether labels are shown in no cell whose corners have none of them: all corners then have the one label that is not
+/// shown. Of kernels of radius 2 and falloff 5 those of a cell's corners add up to more than all others, by a tenth of
+/// C at least; so do those of an outermost layer that is mirrored.
+bool corners_decide(const GroupRange& set, const std::vector<Group>& groups, const Scene& scene, const DrawPlan& plan) {
+    const auto compared = [](const Group& group) { return group.use.role == GroupRole::compared; };
+    const auto begin = groups.begin() + static_cast<std::ptrdiff_t>(set.first);
+    const auto end = groups.begin() + static_cast<std::ptrdiff_t>(set.last);
+    const RegularField& field = *as_regular(scene.fields[begin->first].get());
+    // (Not where labels have corners of the lattice, beyond which nothing is mirrored.)
+    const bool mirrored = field.domain() || (scene.counted && scene.counted->filled);
+    return std::count_if(begin, end, compared) == 1 && field.lattice() == Lattice::cartesian && mirrored &&
+           field.options().radius == 2.0 && field.kernel().falloff == 5.0 && !field.has_holes() && !plan.filter &&
+           !scene.part;
+}
+
+/// Of kernels that lie alike.
+bool weigh_alike(const EllipsoidField& a, const EllipsoidField& b) {
+    return a.arrays().weights == b.arrays().weights && a.kernel().falloff == b.kernel().falloff;
+}
+
 VisibilityQuery query_of(std::size_t number, const Scene& scene, const DrawPlan& plan, const Frame& frame) {
     const Field& field = *scene.fields[number];
     const Group group = groups_drawn(scene)[group_drawn_of(scene, number)];
@@ -208,22 +228,27 @@ bool Decision::answers(const VisibilityQuery& other) const {
            reaches(query.filter_gain, other.filter_gain) && reaches(query.reach_world, other.reach_world);
 }
 
-bool FieldIndex::lies_alike(const std::shared_ptr<const Field>& a, const std::shared_ptr<const Field>& b) {
-    for (const Alike& known : alike_) {
-        if (known.one.lock() == a && known.other.lock() == b) {
-            return known.same;
-        }
+const FieldIndex::Alike& FieldIndex::compared(const std::shared_ptr<const Field>& a,
+                                              const std::shared_ptr<const Field>& b) {
+    const auto known = std::find_if(alike_.begin(), alike_.end(),
+                                    [&](const Alike& one) { return one.one.lock() == a && one.other.lock() == b; });
+    if (known != alike_.end()) {
+        return *known;
     }
     const RegularField *lattice = as_regular(a.get()), *beside = as_regular(b.get());
     const EllipsoidField *kernels = as_ellipsoids(a.get()), *others = as_ellipsoids(b.get());
-    const bool same = lattice != nullptr && beside != nullptr   ? lie_alike(*lattice, *beside)
-                      : kernels != nullptr && others != nullptr ? lie_alike(*kernels, *others)
-                                                                : false;
+    Alike found{a, b, false, false};
+    if (lattice != nullptr && beside != nullptr) {
+        found.same = lie_alike(*lattice, *beside);
+    } else if (kernels != nullptr && others != nullptr) {
+        found.same = lie_alike(*kernels, *others);
+        found.same_weights = found.same && weigh_alike(*kernels, *others);
+    }
     alike_.erase(std::remove_if(alike_.begin(), alike_.end(),
-                                [](const Alike& known) { return known.one.expired() || known.other.expired(); }),
+                                [](const Alike& one) { return one.one.expired() || one.other.expired(); }),
                  alike_.end());
-    alike_.push_back({a, b, same});
-    return same;
+    alike_.push_back(std::move(found));
+    return alike_.back();
 }
 
 std::vector<SeenBeside> FieldIndex::seen_beside(std::size_t number, const Scene& scene, const DrawPlan& plan,
@@ -243,7 +268,7 @@ std::vector<SeenBeside> FieldIndex::seen_beside(std::size_t number, const Scene&
                     return {};
                 }
                 if (groups[group].use.role == GroupRole::label) {
-                    near.push_back({other});
+                    near.push_back({other, 0.0, 0.0, corners_decide(set, groups, scene, plan)});
                 }
             }
         }

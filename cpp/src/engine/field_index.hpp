@@ -58,18 +58,26 @@ class FieldIndex {
     /// number: of a field of the scene.
     const RunsEntry& runs_of(std::size_t number, const Scene& scene, const DrawPlan& plan, const Frame& frame);
     const GridEntry& grid_of(std::size_t number, const Scene& scene, const DrawPlan& plan, const Frame& frame);
+    /// Whether two fields are of the same scattered kernels, but for their values: bit for bit.
+    [[nodiscard]] bool differ_in_values(const std::shared_ptr<const Field>& a, const std::shared_ptr<const Field>& b) {
+        return compared(a, b).same_weights;
+    }
     /// Field::reach_along, by way of the field's grid where there is one.
     [[nodiscard]] std::array<double, 2> reach_along(const Field& field, const Vec3& from, const Vec3& direction) const;
     /// Drops what belongs to other fields. As FieldSurveys::forget_others; of `parts` what takes little beside them.
     void forget_others(const std::vector<std::shared_ptr<const Field>>& fields, bool parts);
 
   private:
-    /// Two fields, and whether their kernels have the same places and sizes.
+    /// Two fields, whether their kernels have the same places and sizes, and whether nothing but values differs.
     struct Alike {
         std::weak_ptr<const Field> one, other;
         bool same;
+        bool same_weights;
     };
-    [[nodiscard]] bool lies_alike(const std::shared_ptr<const Field>& a, const std::shared_ptr<const Field>& b);
+    [[nodiscard]] const Alike& compared(const std::shared_ptr<const Field>& a, const std::shared_ptr<const Field>& b);
+    [[nodiscard]] bool lies_alike(const std::shared_ptr<const Field>& a, const std::shared_ptr<const Field>& b) {
+        return compared(a, b).same;
+    }
     /// Of a group that is there for others: beside what alone its kernels matter; nothing where that is not known.
     [[nodiscard]] std::vector<SeenBeside> seen_beside(std::size_t number, const Scene& scene, const DrawPlan& plan,
                                                       const Frame& frame);

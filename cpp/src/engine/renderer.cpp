@@ -220,6 +220,7 @@ Indexed Renderer::State::find_drawn(const Request& asked, const Prepared& prepar
         indexed.visible += entry.visible_count;
         indexed.bytes += entry.bytes();
     }
+    indexed.twins = find_twins(indexed.grids, index_);
     for (const auto& field : scene.fields) {
         indexed.all += field->size();
     }

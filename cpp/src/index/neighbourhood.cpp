@@ -41,16 +41,17 @@ void widen(std::vector<BitWord>& row, bool up, bool down) {
 
 } // namespace
 
-Neighbourhood::Neighbourhood(const RegularField& field, double reach_world) : lattice_(field.lattice()) {
+Neighbourhood::Neighbourhood(const RegularField& field, double reach_world, bool in_cells) : lattice_(field.lattice()) {
     const RegularFieldOptions& options = field.options();
     Vec3 half_width; // in samples along i, j, k
     if (lattice_ == Lattice::bcc) {
-        two_radii_ = std::sqrt(2.0) * options.radius;
+        radii_ = std::sqrt(2.0) * options.radius;
         reach_ = Vec3(reach_world / options.spacing.x);
-        const double radius = two_radii_ + reach_.x;
+        const double radius = radii_ + reach_.x;
         half_width = Vec3(radius, radius, 2.0 * radius);
     } else {
-        two_radii_ = 2.0 * options.radius;
+        radii_ = (in_cells ? 1.0 : 2.0) * options.radius;
+        box_ = in_cells ? 1.0 : 0.0;
         // In index coordinates the ball is an ellipsoid {x: x^T Q^-1 x < reach^2}; the diagonal matrix of the sums of
         // |Q| along its rows is at least Q, and Q itself where axes are those of the world.
         const Mat3 to_index = to_indices(field.steps());
@@ -59,7 +60,7 @@ Neighbourhood::Neighbourhood(const RegularField& field, double reach_world) : la
             reach_[axis] = reach_world * std::sqrt(std::abs(squares[0][axis]) + std::abs(squares[1][axis]) +
                                                    std::abs(squares[2][axis]));
         }
-        half_width = two_radii_ + reach_;
+        half_width = radii_ + box_ + reach_;
     }
     const std::array<std::size_t, 3>& shape = field.shape();
     for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -79,19 +80,21 @@ bool Neighbourhood::holds(const Vec3& offset) const {
     // A convex set holds a point if for every direction u the point lies below the set's support function, which for a
     // sum of sets is the sum of theirs. Looking only at some directions can keep a point too many, but never drops one.
     const auto beyond = [&](const Vec3& u) {
-        return glm::dot(offset, u) >= two_radii_ * glm::length(u) + glm::length(reach_ * u);
+        return glm::dot(offset, u) >= radii_ * glm::length(u) + box_ * (u.x + u.y + u.z) + glm::length(reach_ * u);
     };
-    const double length = glm::length(offset);
-    if (length < two_radii_) {
+    // (Offsets have no negative coordinates.) From the box on.
+    const Vec3 outside = glm::max(offset - Vec3(box_), Vec3(0.0));
+    const double length = glm::length(outside);
+    if (length < radii_) {
         return true;
     }
-    if (beyond(offset / length)) {
+    if (beyond(outside / length)) {
         return false;
     }
     if (reach_.x == reach_.y && reach_.y == reach_.z) {
         return true;
     }
-    const Vec3 axes = two_radii_ + reach_;
+    const Vec3 axes = radii_ + box_ + reach_;
     return !beyond(glm::normalize(offset / (axes * axes))) && offset.x < axes.x && offset.y < axes.y &&
            offset.z < axes.z;
 }
@@ -108,7 +111,7 @@ Neighbourhood::RowOffsets Neighbourhood::offsets_of(Shift shift, bool odd_layers
         const double inside = static_cast<double>(block_[axis] - 1) + (bcc && !parity_ && axis != 0 ? 0.5 : 0.0);
         return std::max(0.0, std::abs(apart) - inside);
     };
-    const Vec3 axes = two_radii_ + reach_;
+    const Vec3 axes = radii_ + box_ + reach_;
     const auto most = [&](std::size_t axis, double samples) {
         return clamped(samples / static_cast<double>(block_[axis]) + 2.0, blocks_[axis] - 1);
     };

@@ -265,7 +265,9 @@ VisibleRuns VisibleRuns::of(const RegularField& field, const VisibilityQuery& qu
                     reached = neighbourhood->spread(seeds_in_blocks(samples.data(), field, test, *neighbourhood));
                 }
             } else if (!query.only_near.empty()) {
-                neighbourhood.emplace(field, query.reach_world);
+                const bool in_cells = std::all_of(query.only_near.begin(), query.only_near.end(),
+                                                  [](const SeenBeside& other) { return other.in_cells; });
+                neighbourhood.emplace(field, query.reach_world, in_cells);
                 reached = neighbourhood->spread(seeds_in_others(query.only_near, *neighbourhood));
             }
             std::vector<BitWord> row(words_for(ni));

@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import api
-from sheetsplat._checks import instance, number, numbers
+from sheetsplat._checks import instance, number, numbers, shown
 from sheetsplat._rows import usable_rows
 from sheetsplat.animation.sources import FileStep, MemoryStep, SharedLook
 from sheetsplat.errors import complain, unusable
 from sheetsplat.fields import EllipsoidField
+from sheetsplat.quantity import time_text
 from sheetsplat.scene import Scene
 
 Floats = NDArray[np.float64]
@@ -38,7 +39,9 @@ class Snapshot:
     velocities
         (N, 3), world units in a unit of time.
     time
-        When it is, in that unit.
+        When it is, in that unit. Figures of frames tell it.
+    unit
+        Its name, for these figures.
 
     Raises
     ------
@@ -59,6 +62,7 @@ class Snapshot:
     ids: ArrayLike
     velocities: ArrayLike
     time: float
+    unit: str = ""
 
     def __post_init__(self) -> None:
         """Check and convert."""
@@ -77,6 +81,8 @@ class Snapshot:
         time = number("Snapshot: time", self.time)
         if not np.isfinite(time):
             raise complain(unusable("Snapshot: time"), f"{time:g}", "a finite number")
+        if not isinstance(self.unit, str) or not self.unit.isprintable():
+            raise complain(unusable("Snapshot: unit"), shown(self.unit), "a printable text")
         # Numbers of one particle may have a sign in one file and none in the other; float64 would not tell them apart.
         known = {"ids": ids.astype(np.uint64), "velocities": velocities, "time": time}
         for name, value in known.items():
@@ -105,7 +111,7 @@ class Snapshot:
             ids, velocities = (one if rows is None else one[rows] for one in (ids, velocities))
             moving = np.flatnonzero(np.isfinite(velocities).all(axis=1))
             opened, ids, velocities = opened.part(moving), ids[moving], velocities[moving]
-        return cls(opened, ids, velocities, motion.time)
+        return cls(opened, ids, velocities, motion.time, motion.unit)
 
     def towards(self, other: Snapshot, share: float) -> EllipsoidField:
         """Return the particles between this snapshot, at the share 0, and another one, at 1.
@@ -152,7 +158,8 @@ class Snapshot:
             of_both = _between(first.weighting[mine], second.weighting[its], share)
             made = made.weighted_by(np.concatenate((of_both, first.weighting[gone], second.weighting[new])))
         made = made.of_particles() if first.keeps_mass and second.keeps_mass else made
-        return made.of_quantity(first.quantity).with_orientation(first.orientation)
+        time = time_text((1.0 - share) * self.time + share * other.time, self.unit)
+        return made.of_quantity(replace(first.quantity, time=time)).with_orientation(first.orientation)
 
     def _checked(self, other: Snapshot) -> tuple[EllipsoidField, EllipsoidField]:
         first, second = self.field, other.field

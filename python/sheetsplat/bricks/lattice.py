@@ -68,6 +68,10 @@ class LatticeSpec:
         the world's, in which samples are 1 apart; of others in the world.
     has_holes
         Whether samples are missing (NaN).
+    labels
+        Whether samples are labels.
+    all_labels
+        The labels that fields of a part have native fields of; only those among its own samples unless given.
 
     Indices of samples may go beyond the volume: there are its mirrored samples, where it has some.
     """
@@ -86,11 +90,14 @@ class LatticeSpec:
     base: float = 0.0
     has_holes: bool = False
     axes: ending.Axes | None = None
+    labels: bool = False
+    all_labels: tuple[int, ...] = ()
 
     @classmethod
     def of(cls, field: RegularField) -> LatticeSpec:
         """Return what a field is made of, beside its samples."""
-        own = {one.name: getattr(field, one.name) for one in fields(cls) if one.name != "has_holes"}
+        found = ("has_holes", "all_labels")
+        own = {one.name: getattr(field, one.name) for one in fields(cls) if one.name not in found}
         has_holes = field.survey.missing > 0 if isinstance(field, BrickedField) else field.native.has_holes
         return cls(**own, has_holes=has_holes)
 
@@ -342,7 +349,16 @@ class LatticeSpec:
         wanted = tuple(last - first for first, last in read)
         if samples.shape != wanted:
             raise complain("a brick cannot be made", f"samples of shape {samples.shape}", f"shape {wanted}")
-        names = ("lattice", "radius", "falloff", "w0", "nan", "base", "spacing" if self.axes is None else "axes")
+        names = (
+            "lattice",
+            "radius",
+            "falloff",
+            "w0",
+            "nan",
+            "base",
+            "labels",
+            "spacing" if self.axes is None else "axes",
+        )
         options: dict[str, Any] = {name: getattr(self, name) for name in names}
         found = None
         if self.prefilter:
@@ -364,6 +380,7 @@ class LatticeSpec:
             coefficients=None if found is None else self._within(found.coefficients, box, read),
             figures=None if found is None else found.native.prefilter_figures,
             value_range=value_range,
+            labels_found=self.all_labels,
             origin=origin,
             **options,
         )

@@ -23,9 +23,10 @@ from sheetsplat.choose.asked import allowed_error
 from sheetsplat.errors import Unsupported, complain
 from sheetsplat.fields import Bricked, BrickedField, BrickedKernels, Field, RegularField
 from sheetsplat.limits import Depths
+from sheetsplat.modes import TRAITS
 from sheetsplat.plan import RenderPlan
 from sheetsplat.scene import Scene
-from sheetsplat.supersampling import fine_depths, fine_size
+from sheetsplat.supersampling import fine_size
 
 # Coefficients of a prefilter exceed the samples at most so many times more than its condition says.
 _LARGER = 1.05
@@ -40,8 +41,8 @@ def bricked_field(scene: Scene) -> Bricked | None:
         raise complain(
             "a picture cannot be drawn in bricks",
             f"{len(scene.fields)} fields",
-            "one",
-            "draw them one by one",
+            "one field",
+            "open them with sheetsplat.open where they fit into memory, else write their sum as one volume",
             kind=Unsupported,
         )
     return found[0]
@@ -70,6 +71,8 @@ def view_of(
 ) -> BrickView:
     """Return what a picture needs of each brick of the field of a scene: a pixel for each of its samples.
 
+    depth_limit: of each sample.
+
     Raises
     ------
     Unsupported
@@ -77,6 +80,8 @@ def view_of(
     """
     if isinstance(field, BrickedField):
         lattice = LatticeSpec.of(field)
+        if field.labels and _needs_all_labels(scene):
+            lattice = lattice.replace(all_labels=field.labels_found)
         partition = partition_of(lattice, field.brick)
         whole = Whole.of_lattice(lattice, _factors(field, field.value_range), field.centre_bounds)
     else:
@@ -91,7 +96,7 @@ def view_of(
         camera,
         fine_size(size, scene.supersampling),
         outputs,
-        fine_depths(depth_limit, scene.supersampling),
+        depth_limit,
         one_backend(settings),
     )
     if whole.lattice is None or not isinstance(field.source, BrickSource) or not field.source.coarser:
@@ -102,6 +107,12 @@ def view_of(
         allowed=allowed_error(quality),
         largest_sample=max(map(abs, field.value_range)),
     )
+
+
+def _needs_all_labels(scene: Scene) -> bool:
+    """Return whether each brick needs a group of every label, as light has a grid of each, whatever is in a brick."""
+    dims = bool(scene.options["shadows"]) or scene.options["ambient_occlusion"] is not None
+    return dims and TRAITS[scene.mode].shows_surfaces
 
 
 def _kernels(source: Any) -> KernelSource:
@@ -128,6 +139,8 @@ def may_show(field: Bricked, view: BrickView, number: int) -> bool:
     """Return whether a brick can add anything to a picture, by the ranges of all samples that it depends on."""
     if view.footprint(number) is None:
         return False
+    if isinstance(field, BrickedField) and field.labels:
+        return view.may_show_labels(_labels_of(field, view, number))
     found = _range_of(field, view, number)
     return found is not None and view.may_show(found)
 
@@ -141,8 +154,16 @@ def dimming_bricks(field: Bricked, view: BrickView) -> list[int]:
     """Return the bricks that can dim light in a picture; none where none of it is dimmed."""
     if view.light is None:
         return []
+    if isinstance(field, BrickedField) and field.labels:
+        return [n for n in range(len(view.partition)) if view.may_dim_labels(_labels_of(field, view, n))]
     ranges = ((number, _range_of(field, view, number)) for number in range(len(view.partition)))
     return [number for number, found in ranges if found is not None and view.may_dim(found)]
+
+
+def _labels_of(field: BrickedField, view: BrickView, number: int) -> tuple[int, ...]:
+    """Return the labels of all samples that a brick depends on, and perhaps some more."""
+    assert view.lattice is not None
+    return field.survey.labels_in(view.lattice.to_read(view.samples(number)))
 
 
 def _range_of(field: Bricked, view: BrickView, number: int) -> tuple[float, float] | None:
@@ -159,9 +180,7 @@ def factors_in(field: BrickedField, samples: Box) -> tuple[float, float]:
 
     Offset by the base; the box is one of samples of the volume, as `LatticeSpec.to_read` gives it.
     """
-    needed, cores = np.asarray(samples), field.survey.cores
-    near = ((cores[:, :, 0] < needed[:, 1]) & (cores[:, :, 1] > needed[:, 0])).all(axis=1)
-    ranges = field.survey.ranges[near]
+    ranges = field.survey.ranges[field.survey.near(samples)]
     if np.isnan(ranges).all():
         return 0.0, 0.0
     return _factors(field, (float(np.nanmin(ranges[:, 0])), float(np.nanmax(ranges[:, 1]))))

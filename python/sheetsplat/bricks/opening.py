@@ -27,6 +27,7 @@ from sheetsplat.choose.asked import Asked
 from sheetsplat.choose.kernels import with_own_kernel
 from sheetsplat.errors import Unsupported, complain, option_ref, option_refs, unusable
 from sheetsplat.fields import BrickedField, BrickedKernels
+from sheetsplat.fields.labelled import is_open, warn_of_halves
 from sheetsplat.fields.regular import narrowest
 from sheetsplat.io.axes import placement, tell_units
 from sheetsplat.io.kernels import log_base
@@ -135,6 +136,30 @@ def _refuse(given: Mapping[str, Any], names: Sequence[str], what: str) -> None:
         )
 
 
+def _are_labels(source: BrickSource, known: Survey, cut: _Cut, given: Mapping[str, Any]) -> bool:
+    """Return whether samples that are said to be labels are whole numbers; InvalidInput where the caller says so."""
+    failed = f"the labels of {source.name} cannot be drawn in bricks"
+    if known.labels is None and "labels" not in given:
+        warn_of_halves()
+        return False
+    if known.labels is None:
+        raise complain(
+            failed,
+            "numbers that are not whole",
+            "whole numbers",
+            "pass " + option_ref("labels", "false"),
+            option="labels",
+        )
+    if known.missing:
+        found, advice = f"{known.missing} of {known.size} samples are NaN", "open them with sheetsplat.open"
+        raise complain(failed, found, "a label for each sample", advice, kind=Unsupported)
+    for name in ("levels", "log"):
+        if cut.levels if name == "levels" else name in given:
+            told = option_ref(name) + ", and labels have neither means nor logarithms"
+            raise complain(failed, told, "samples as they are", "leave it out", option=name)
+    return True
+
+
 @dataclass(frozen=True)
 class _Cut:
     """How a volume is cut: the edge of bricks, the number of coarser levels, and the folder for them."""
@@ -172,9 +197,8 @@ def _field(source: BrickSource, cut: _Cut, client: Any, given: Mapping[str, Any]
     placed = placement(source, given)
     if source.holey:
         placed["nan"] = "skip"
-    if given.get("labels"):
-        wanted = "labels in memory, or labels=False, which takes them for values"
-        raise complain(unusable("open_bricks: labels"), "labels in bricks", wanted, option="labels", kind=Unsupported)
+    by_caller = truth("open_bricks: labels", given.get("labels", False))
+    by_file = source.labels is not False and is_open(given) and "log" not in given
     names = ("lattice", *(name for name in definitions(KernelOptions) if name != "labels"))
     placed |= {name: given[name] for name in names if name in given}
     lattice = placed.get("lattice", "cartesian")
@@ -188,7 +212,7 @@ def _field(source: BrickSource, cut: _Cut, client: Any, given: Mapping[str, Any]
     filtered = given.get("prefilter", quality != "draft" and "normalization" not in given)
     filtered = truth("open_bricks: prefilter", filtered)
     around = _AROUND + (PREFILTER_MARGIN if filtered else 0)
-    plan = SurveyPlan.of(source.shape, lattice, around, first_sample(source))
+    plan = SurveyPlan.of(source.shape, lattice, around, first_sample(source), by_caller or by_file)
     with part(0.0, _SURVEY if cut.levels else 1.0):
         task, merge = ("survey-brick", survey_of), ("merge-surveys", merge_surveys)
         found = each(client, source, (partition, plan), len(partition), task, merge, partition, "drawn")
@@ -202,6 +226,8 @@ def _field(source: BrickSource, cut: _Cut, client: Any, given: Mapping[str, Any]
             "pass " + option_ref("nan", "skip") + " to leave their kernels out",
             option="nan",
         )
+    if by_caller or by_file:
+        placed["labels"] = _are_labels(source, known, cut, given)
     shown_source = _with_levels(source, cut, partition, client)
     if source.kept is None:
         low, high = known.value_range
@@ -213,4 +239,6 @@ def _field(source: BrickSource, cut: _Cut, client: Any, given: Mapping[str, Any]
     if shown_source.key != source.key:
         known = known.shown_by(shown_source)
     field = BrickedField(shown_source, known, cut.brick, **placed)
+    if field.labels and not isinstance(source.labels, bool):
+        field = field.with_label_colors(source.labels)
     return field.with_quantity_of_samples(shown_source.quantity, source.spacing, source.origin, "cartesian")

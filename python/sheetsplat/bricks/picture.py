@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sheetsplat._waiting import asking, part
+from sheetsplat._waiting import FIRST_OF_TWO, asking, part, portion
 from sheetsplat.bricks.draw import render_bricks
 from sheetsplat.bricks.error import estimate_error
 from sheetsplat.bricks.light import light_of, planned_light
@@ -59,10 +59,9 @@ class Begun:
         field = bricked_field(scene)
         assert field is not None
         self._planes = planes = PlanesInView.of(scene, camera, size, depth_limit)
-        limit = depth_limit
+        limit, other = fine_depths(depth_limit, scene.supersampling), None
         if planes is not None:
-            scene, limit = planes.in_front, planes.limit(depth_limit)
-        self._drawn_limit = limit
+            scene, limit, other = planes.in_front, planes.limit(depth_limit), planes.other_limit(depth_limit)
         view = view_of(field, scene, camera, size, outputs, limit, settings)
         self._view, self._plan = planned(scene, view)
         self._begin, self._begin_measure = _HERE
@@ -71,16 +70,20 @@ class Begun:
 
             self._begin, self._begin_measure = partial(cluster.begin, client), partial(cluster.begin_measure, client)
         self._field, self._pending = field, self._begin(field, self._view)
+        # Of pixels in which planes end or cross.
+        self._second = None if other is None else self._begin(field, self._view.replace(depth_limit=other, outputs=()))
 
     def result(self, progress: Progress | None = None) -> Image:
         """Return the picture; raises what reading and drawing a brick raises."""
-        finished, stats = self._pending.result(progress)
+        first = 1.0 if self._second is None else FIRST_OF_TWO
+        finished, stats = self._pending.result(portion(progress, 0.0, first))
+        second = None if self._second is None else self._second.result(portion(progress, first, 1.0))[0]
         stats |= {"total": time.perf_counter() - self._began}
         scene, view, samples = self._scene, self._view, self._scene.supersampling
         drawn = averaged(finished, samples)
         arrays, chosen = drawn, {}
         if self._planes is not None:
-            arrays, chosen = self._planes.behind(drawn), {"slice_planes": self._planes.planes}
+            arrays, chosen = self._planes.behind(finished, second), {"slice_planes": self._planes.planes}
         _log.info(
             "rendered %d x %d in %.0f of %.0f bricks, %.0f read", *self._size, stats["bricks_drawn"], stats["bricks"],
             stats["bricks_read"],
@@ -119,7 +122,7 @@ class Begun:
         other = view.replace(
             options={**view.options, "filter": better.filter},
             size=fine_size(self._size, count),
-            depth_limit=fine_depths(self._drawn_limit, count),
+            depth_limit=fine_depths(self._limit, count),
             outputs=(),
             allowed=None,
         )
@@ -129,6 +132,8 @@ class Begun:
     def cancel(self) -> None:
         """Give it up."""
         self._pending.cancel()
+        if self._second is not None:
+            self._second.cancel()
 
 
 def draw(

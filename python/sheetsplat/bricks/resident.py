@@ -75,7 +75,7 @@ class _Entry:
 
     @property
     def size(self) -> int:
-        made = 0 if self.made is None else int(self.made.memory)
+        made = 0 if self.made is None else int(self.made.memory + getattr(self.made, "memory_of_parts", 0))
         return made + (0 if self.is_shared else self.values.nbytes)
 
     def shrink(self) -> None:

@@ -34,6 +34,7 @@ from sheetsplat.io.kernels import logarithm
 from sheetsplat.io.records import Packing, Volume
 from sheetsplat.io.source import Folder, Source, opened
 from sheetsplat.io.stored import StoredSamples
+from sheetsplat.labels import LabelColors
 from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Quantity
 
@@ -83,6 +84,10 @@ class BrickSource:
         Bytes that go along where it is pickled.
     holey
         Whether NaN is what the data say is missing.
+    labels
+        Whether the data state that samples are labels; their names and colours where they state these.
+    label
+        Samples are 1 where they are this label, and 0 elsewhere; None: as they are.
     """
 
     name: str
@@ -101,11 +106,13 @@ class BrickSource:
     coarser: tuple[Level, ...] = ()
     carried: int = 0
     holey: bool = False
+    labels: LabelColors | bool = False
+    label: int | None = None
 
     @property
     def key(self) -> tuple[Any, ...]:
         """What `read` depends on: equal for the same samples shown in the same way."""
-        return self.token, self.kept, self.floor, self.limits
+        return self.token, self.kept, self.floor, self.limits, self.label
 
     def __eq__(self, other: object) -> bool:
         """Return whether the samples are the same, shown and placed in the same way."""
@@ -134,6 +141,8 @@ class BrickSource:
     def dtype(self) -> np.dtype[Any]:
         """Type of the samples that `read` returns."""
         kind = self.stored if self.kept is None else self.kept
+        if self.label is not None:
+            return np.dtype(np.uint8)
         if self.floor is not None:
             return np.dtype(np.float32 if kind.itemsize <= 4 else np.float64)
         return kind
@@ -177,6 +186,9 @@ class BrickSource:
 
     def _as_shown(self, found: NDArray[Any]) -> NDArray[Any]:
         values = np.ascontiguousarray(found, dtype=self.stored if self.kept is None else self.kept)
+        if self.label is not None:
+            values = np.asarray(values == self.label, np.uint8)
+            return values
         if self.floor is not None:
             decades = logarithm(values.astype(np.float64), self.name, self.floor)
             values = np.where(np.isnan(values), np.nan, decades).astype(self.dtype)
@@ -279,6 +291,7 @@ def _source(name: str, token: str, volume: Volume, reader: Callable[[Any], Reade
         volume.orientation,
         kept_type(kind),
         holey=bool(packing.missing),
+        labels=volume.labels,
     )
 
 

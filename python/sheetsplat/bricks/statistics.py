@@ -22,6 +22,7 @@ from sheetsplat.bricks.readers import Shape
 from sheetsplat.bricks.resident import residents
 from sheetsplat.bricks.sources import BrickSource, box_text
 from sheetsplat.errors import complain, option_ref
+from sheetsplat.fields.labelled import counts_of_labels
 from sheetsplat.fields.samples import grid_steps, mixed_differences
 from sheetsplat.look import decades, histogram
 from sheetsplat.quality import samples as through
@@ -48,6 +49,8 @@ class SurveyPlan:
         Samples around a brick that its pictures will need, so that they are read now.
     first
         The first sample that is not missing, in the order of the array, as it is stored; None: there is none.
+    labels
+        Whether samples may be labels.
     """
 
     shape: Shape
@@ -58,15 +61,16 @@ class SurveyPlan:
     apart: int
     around: int = 0
     first: Any = None
+    labels: bool = False
 
     @classmethod
-    def of(cls, shape: Shape, lattice: str, around: int = 0, first: Any = None) -> SurveyPlan:
+    def of(cls, shape: Shape, lattice: str, around: int = 0, first: Any = None, labels: bool = False) -> SurveyPlan:
         """Return what looks ask of a volume."""
         size = math.prod(shape)
         strides = sorted({histogram.stride_of(size), decades.stride_of(size), through.stride_of(size)})
         starts, apart = through.rough_layers(shape, lattice)
         k, j, i = grid_steps(shape, lattice)
-        return cls(shape, lattice, tuple(strides), (k, j, i), tuple(starts), apart, around, first)
+        return cls(shape, lattice, tuple(strides), (k, j, i), tuple(starts), apart, around, first, labels)
 
     def margin(self, core: Box) -> Box:
         """Return a box with the samples that differences at its layers need, and those around it."""
@@ -101,6 +105,8 @@ class BrickSurvey:
         samples, their mean, and the sum of their squared deviations from that.
     same
         Number of samples that are equal to the first one of the volume.
+    labels
+        The whole numbers among the samples, from the least on, where these may be labels; None: others are among them.
     """
 
     value_range: tuple[float, float]
@@ -111,6 +117,7 @@ class BrickSurvey:
     grid: NDArray[Any]
     rough: NDArray[np.float64]
     same: int = 0
+    labels: tuple[int, ...] | None = None
 
 
 def survey_brick(values: NDArray[Any], outer: Box, core: Box, number: int, plan: SurveyPlan, name: str) -> BrickSurvey:
@@ -163,7 +170,15 @@ def survey_brick(values: NDArray[Any], outer: Box, core: Box, number: int, plan:
         own[tuple(slice(start, None, step) for start, step in zip(starts, plan.steps, strict=True))].copy(),
         rough,
         0 if plan.first is None else int(np.count_nonzero(own == plan.first)),
+        _labels(own) if plan.labels else None,
     )
+
+
+def _labels(own: NDArray[Any]) -> tuple[int, ...] | None:
+    """Return the whole numbers among samples; None where there are others."""
+    if own.dtype.kind == "f" and not np.array_equal(own, np.round(own), equal_nan=True):
+        return None
+    return tuple(counts_of_labels(own))
 
 
 def _extent(own: NDArray[Any], there: NDArray[np.bool_] | None, core: Box, odd: int) -> NDArray[np.float64]:
@@ -241,6 +256,11 @@ def first_sample(source: BrickSource) -> Any:
     return None
 
 
+def _of_all(labels: Sequence[tuple[int, ...] | None]) -> tuple[tuple[int, ...], ...] | None:
+    known = [one for one in labels if one is not None]
+    return tuple(known) if len(known) == len(labels) else None
+
+
 def merge_surveys(_: Any, *parts: tuple[BrickSurvey, ...]) -> tuple[BrickSurvey, ...]:
     """Return the surveys of all groups of bricks, in their order."""
     return tuple(itertools.chain(*parts))
@@ -266,6 +286,8 @@ class Survey:
         The first sample that is not missing, as it is stored; None: there is none.
     same
         Number of samples that are shown as that one is, or about as many.
+    labels
+        The labels of each brick; None where samples are none, or were not looked at for that.
     """
 
     source: BrickSource
@@ -278,6 +300,7 @@ class Survey:
     cores: NDArray[np.int64] = field(repr=False)
     first: Any = None
     same: int = 0
+    labels: tuple[tuple[int, ...], ...] | None = None
 
     @classmethod
     def of(cls, source: BrickSource, found: Sequence[BrickSurvey], cores: Sequence[Box], plan: SurveyPlan) -> Survey:
@@ -303,6 +326,7 @@ class Survey:
             np.asarray(cores, np.int64),
             plan.first,
             sum(one.same for one in found),
+            _of_all([one.labels for one in found]),
         )
 
     def __eq__(self, other: object) -> bool:
@@ -317,11 +341,14 @@ class Survey:
         """Return what is known of the same samples shown in another way; a source keeps their order."""
         known = ~np.isnan(self.ranges)
         ranges = self.ranges.copy()
-        ranges[known] = source.shown_as(self.ranges[known].astype(source.stored))
+        if source.label is not None and self.labels is not None:
+            ranges[:] = [(one == (source.label,), source.label in one) for one in self.labels]
+        else:
+            ranges[known] = source.shown_as(self.ranges[known].astype(source.stored))
         steps, grid = self._grid
         every = {stride: source.shown_as(values) for stride, values in self._every.items()}
         same = self.same
-        shown_alike = (source.floor, source.limits) == (self.source.floor, self.source.limits)
+        shown_alike = source.key[2:] == self.source.key[2:]
         if self.first is not None and not shown_alike:
             # Others may be shown as the first one is: of many samples, by those that are kept.
             some = every[min(every)]
@@ -329,6 +356,21 @@ class Survey:
         return replace(
             self, source=source, ranges=ranges, _every=every, _grid=(steps, source.shown_as(grid)), same=same
         )
+
+    def near(self, samples: Box) -> NDArray[np.bool_]:
+        """Return which bricks have samples of a box of the volume."""
+        needed = np.asarray(samples)
+        found: NDArray[np.bool_] = np.ones(len(self.cores), bool)
+        for axis, (first, last) in enumerate(needed.tolist()):
+            found &= (self.cores[:, axis, 0] < last) & (self.cores[:, axis, 1] > first)
+        return found
+
+    def labels_in(self, samples: Box | None = None) -> tuple[int, ...]:
+        """Return the labels of the bricks that have samples of a box, of all unless given; none of values."""
+        if self.labels is None:
+            return ()
+        numbers = range(len(self.labels)) if samples is None else np.flatnonzero(self.near(samples)).tolist()
+        return tuple(sorted(set().union(*(self.labels[n] for n in numbers))))
 
     @property
     def base(self) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
@@ -18,6 +18,7 @@ from sheetsplat.bricks.places import Places, Rect, unit_pixel
 from sheetsplat.bricks.whole import Whole
 from sheetsplat.camera import Camera
 from sheetsplat.errors import Unsupported, complain, option_ref
+from sheetsplat.labels import LabelColors
 from sheetsplat.limits import Depths
 from sheetsplat.look.visible import corners_of
 from sheetsplat.modes import TRAITS
@@ -26,6 +27,8 @@ from sheetsplat.options.renderer import RendererClassOptions
 from sheetsplat.options.scene import SceneOptions, calls_for_gradients, surfaces_of
 from sheetsplat.transfer import TransferFunction
 
+# What labels without a colour show.
+_HIDDEN = (0.0, 0.0, 0.0, 0.0)
 # Distances are enlarged by this, so that rounding does not leave out a kernel that just reaches.
 _ROUNDING = 1.001
 # Standard deviation of the EWA filter in pixels and slice distances.
@@ -149,8 +152,10 @@ class BrickView:
     def opacity_stop(self) -> float:
         """Opacity at which a pixel is finished; 1: never."""
         stop: float = self.options["opacity_stop"]
-        surfaces = surfaces_of(self.options["iso_value"])
-        opaque = TRAITS[self.mode].shows_surfaces and all(opacity == 1 for _, opacity in surfaces)
+        opacities = [opacity for _, opacity in surfaces_of(self.options["iso_value"])]
+        if isinstance(self.transfer_function, LabelColors):
+            opacities = [rgba[3] for rgba in self.transfer_function.colors.values()]
+        opaque = TRAITS[self.mode].shows_surfaces and all(opacity == 1 for opacity in opacities)
         return 0.5 if opaque else stop
 
     @property
@@ -334,6 +339,16 @@ class BrickView:
             return any(low < value - base <= high for value, _ in surfaces_of(self.options["iso_value"]))
         return shows(self.transfer_function, low + base, high + base)
 
+    def may_show_labels(self, labels: Iterable[int]) -> bool:
+        """Return whether samples of some labels, all that reach a brick, can show anything at all."""
+        shown = LabelColors.of(self.transfer_function, labels).colors
+        return "coverage" in self.outputs or any(shown.get(one, _HIDDEN)[3] > 0.0 for one in labels)
+
+    def may_dim_labels(self, labels: Iterable[int]) -> bool:
+        """Return whether samples of some labels, all that reach a brick, can dim light that passes it."""
+        # Between labels a scalar of 0 is a surface, so that each has to be known everywhere.
+        return TRAITS[self.mode].shows_surfaces or self.may_show_labels(labels)
+
     def may_dim(self, value_range: tuple[float, float]) -> bool:
         """Return whether kernels with factors in a range, all that reach a brick, can dim light that passes it."""
         low, high = self._scalars(value_range)
@@ -394,8 +409,8 @@ def _refuse(settings: Mapping[str, Any]) -> None:
             raise complain(
                 "a picture cannot be drawn in bricks",
                 option_ref(name),
-                "a picture without trial pictures of the whole field",
-                "leave it out, or draw the field in one piece",
+                "a quality: goals need pictures of the whole",
+                "pass " + option_ref("quality", "best") + "; image.error estimates its error",
                 kind=Unsupported,
                 option=name,
             )

@@ -10,7 +10,7 @@ from sheetsplat.choose.decisions import AS_GIVEN, Decision, Who, of_quality
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.fields.regular import PLAIN_KERNEL
 from sheetsplat.modes import TRAITS
-from sheetsplat.quality.samples import through_samples
+from sheetsplat.quality.samples import prefiltered, through_samples
 
 Made = TypeVar("Made", bound=Field)
 # Options that say how a lattice's sums become values: with one of them nothing is left to a prefilter.
@@ -51,7 +51,7 @@ def with_kernel(field: Made, asked: Asked, *, made: bool, mode: object = None) -
     if "prefilter" in asked:
         reason = AS_GIVEN
         if field.prefilter and (radius, falloff) != (field.radius, field.falloff):
-            shown = field.replace(radius=radius, falloff=falloff)
+            shown = prefiltered(field, radius, falloff)
     elif sums := [name for name in _OWN_SUMS if name in asked]:
         reason = f"{' and '.join(sums)} as given: sums are divided in another way"
     elif made and field.normalization != "lattice":

@@ -31,6 +31,7 @@ from sheetsplat.options.picture import LookOptions
 from sheetsplat.options.scene import SceneOptions, iso_value_of
 from sheetsplat.scalar_colors import ScalarColors
 from sheetsplat.scene import Scene
+from sheetsplat.slice_planes import slice_planes_of, with_colors
 from sheetsplat.transfer import TransferFunction
 
 # Percentiles of coordinates between which most centres lie, and the share of the whole extent below which the others
@@ -103,6 +104,9 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
         _set_scalar_colors(given, options)
     if lit and mode in COMPOSITE and not {"lights", "material"} & given.keys():
         given.setdefault("cut_faces", "clip" in given or any(one.domain for one in fields))
+    if given.get("slice_planes") is not None and mode in COLORED:
+        planes = slice_planes_of("Scene: slice_planes", given["slice_planes"])
+        given["slice_planes"] = with_colors(planes, options.get("slice_cmap"), options.get("slice_clim"))
     given.setdefault("lights", (HEAD_LIGHT,) if lit else ())
     given.setdefault("material", SHINY)
     if given.get("ambient_occlusion") is True:
@@ -155,10 +159,7 @@ def _has_own_look(field: Field, mode: str, options: Mapping[str, Any]) -> bool:
 def _own_look(field: Field, mode: str, iso_value: Any, options: Mapping[str, Any]) -> TransferFunction:
     """Return the transfer function of a field that is a group of its own."""
     if is_labelled(field):
-        distinct, stated = LabelColors.distinct(field.labels_found), field.label_colors
-        if stated is None:
-            return distinct
-        return LabelColors({**distinct.colors, **stated.colors}, stated.names, stated.background)
+        return LabelColors.completed(field.label_colors, field.labels_found)
     if is_colored(field):
         return _IDENTITY
     assert isinstance(field, RegularField)

@@ -12,6 +12,7 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
+from sheetsplat.cli.info_labels import labels_of, lines_of_labels, row_of_labels
 from sheetsplat.cli.options import apply, as_json, common, options_of, single
 from sheetsplat.cli.output import report, report_json
 from sheetsplat.cli.scene import file_options
@@ -168,8 +169,7 @@ def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
     from sheetsplat.look.histogram import choose_for
 
     given = {name: value for name, value in file_options(options).items() if value or isinstance(value, str)}
-    if options["step"] is not None:
-        given["step"] = options["step"]
+    given |= {name: options[name] for name in ("step", "labels") if options[name] is not None}
     kind = kind_of(path, given)
     known = arrays(path, given)
     if known.names and known.shown is None and not {"name", "scalar"} & given.keys():
@@ -180,7 +180,7 @@ def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
         what = {"file": str(path), "format": data.format, **told, "details": data.details}
         return {**what, **describe(field, bins, options["log"])}
     # Of several channels the numbers are those of the first one.
-    volume, *others = read_regular(path, given)
+    volume, *others = volumes = read_regular(path, given)
     samples = as_samples(volume.values if volume.values.ndim == 3 else RegularField(volume.values).values)
     lattice: Lattice = options["lattice"] or "cartesian"
     # A field of one sample checks where samples lie without a copy of all of them.
@@ -194,7 +194,7 @@ def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
         **({"arrays": list(known.names)} if len(known.names) > 1 else {}),
         **({"channels": [one.channel.name for one in (volume, *others)]} if others else {}),
         **({"colors": volume.values.shape[3]} if volume.values.ndim > 3 else {}),
-        **({} if isinstance(volume.labels, bool) else {"labels": list(volume.labels.names.values())}),
+        **labels_of(volumes, given),
         "kept_as": samples.dtype.name,
         "lattice": lattice,
         "spacing": list(placed.spacing),
@@ -206,7 +206,7 @@ def survey(path: Path, options: dict[str, Any], bins: int) -> dict[str, Any]:
         **numbers,
         **volume.details,
     }
-    if "minimum" in report and not report["infinite"]:
+    if "minimum" in report and not report["infinite"] and "labels" not in report:
         quantity = volume.quantity
         floor = floor_of_samples(samples) if options["log"] is None and quantity.floor is None else None
         if floor is not None:
@@ -235,7 +235,7 @@ def _regular_rows(report: dict[str, Any]) -> list[tuple[str, str]]:
             if channels
             else []
         ),
-        *([("labels", ", ".join(report["labels"]))] if report.get("labels") else []),
+        *row_of_labels(report),
         ("lattice", report["lattice"]),
         ("spacing", f"{_listed(report['spacing'])} {report['length_unit']}".rstrip()),
         ("origin", _listed(report["origin"])),
@@ -285,12 +285,10 @@ def _table(report: dict[str, Any]) -> list[str]:
     if report["nan"] or report["infinite"]:
         rows.append(("not finite", f"{report['nan']} NaN, {report['infinite']} infinite"))
     if "minimum" in report:
+        rows.append(("range", f"{report['minimum']:g} to {report['maximum']:g}"))
+    if "minimum" in report and "labels" not in report:
         percentiles = ", ".join(f"{name} %: {value:g}" for name, value in report["percentiles"].items())
-        rows += [
-            ("range", f"{report['minimum']:g} to {report['maximum']:g}"),
-            ("mean", f"{report['mean']:g}, deviation {report['deviation']:g}"),
-            ("percentiles", percentiles),
-        ]
+        rows += [("mean", f"{report['mean']:g}, deviation {report['deviation']:g}"), ("percentiles", percentiles)]
     if "clim" in report:
         low, high = report["clim"]
         rows.append(("shown", f"{low:g} to {high:g} by default"))
@@ -299,7 +297,9 @@ def _table(report: dict[str, Any]) -> list[str]:
             text = f"log10({report.get('scalar', 'value')} / {report['log']['floor']:g}) from {first:g} to {last:g}"
             rows[-1] = ("shown", f"{text}, that is {low:g} to {high:g}, by default")
     lines = [f"{name:<12}{text}" for name, text in rows]
-    if "histogram" in report:
+    if "labels" in report:
+        lines += ["", *lines_of_labels(report)]
+    elif "histogram" in report:
         counts, edges = report["histogram"]["counts"], report["histogram"]["edges"]
         labels = [f"{edge:g}" for edge in edges[:-1]]
         width = max(map(len, labels))
@@ -313,12 +313,15 @@ def _table(report: dict[str, Any]) -> list[str]:
 
 @click.command("info")
 @click.argument("file", type=click.Path(path_type=Path))
-@apply([*options_of(FileOptions, PlacementOptions), *single(KernelOptions, "nan")])
+@apply([*options_of(FileOptions, PlacementOptions), *single(KernelOptions, "nan", "labels")])
 @click.option("--bins", type=click.IntRange(1, 4096), default=16, show_default=True, help="Of the histogram.")
 @as_json
 @common
 def command(file: Path, bins: int, as_json: bool, quiet: bool, **options: Any) -> None:
-    """Show sizes, ranges, histogram and memory of the FILE, a volume or scattered data."""
+    """Show sizes, ranges, histogram and memory of the FILE, a volume or scattered data.
+
+    Of a volume whose samples are labels it lists these, with names, colours and numbers of samples.
+    """
     found = survey(file, options, bins)
     if as_json:
         report_json(found)

@@ -57,10 +57,15 @@ def _look(options: dict[str, Any]) -> dict[str, Any]:
     """Return what `compose_scene` takes for the options of the look; a depth cue by the camera is left out."""
     from sheetsplat.effects import AmbientOcclusion, Clip, DepthCue
     from sheetsplat.slice_planes import SlicePlane, slice_planes_of
+    from sheetsplat.transfer import TransferFunction
 
     look = pick(LookOptions, options)
-    if isinstance(look["cmap"], ColorPairs):
-        look["cmap"], look["clim"] = look["cmap"].table(look["clim"])
+    for cmap, clim in (("cmap", "clim"), ("slice_cmap", "slice_clim")):
+        if isinstance(look[cmap], ColorPairs):
+            look[cmap], look[clim] = look[cmap].table(look[clim])
+    if isinstance(look["color_map"], ColorPairs):
+        rows, limits = look["color_map"].table(None)
+        look["color_map"] = TransferFunction.from_colormap(rows, 1.0, limits)
     if options["second_order"]:
         source = click.get_current_context().get_parameter_source("preintegration")
         if source is ParameterSource.COMMANDLINE and not options["preintegration"]:

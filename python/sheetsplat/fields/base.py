@@ -203,12 +203,13 @@ class Field(ABC):
         length_unit: str | None = None,
         floor: float | None = None,
         axes: Sequence[tuple[Any, ...]] | None = None,
+        time: str | None = None,
     ) -> Self:
         """Return the same field, without a copy of its arrays, with names and units for figures; see `Quantity`.
 
         What is not given stays.
         """
-        given = {"name": name, "unit": unit, "length_unit": length_unit, "floor": floor, "axes": axes}
+        given = {"name": name, "unit": unit, "length_unit": length_unit, "floor": floor, "axes": axes, "time": time}
         changes: dict[str, Any] = {key: one for key, one in given.items() if one is not None}
         return self.of_quantity(replace(self._quantity, **changes))
 

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from sheetsplat import _sheetsplat
 from sheetsplat._checks import Bounds, Triple, choice, number, optional_number, triple, truth
 from sheetsplat.errors import Unsupported, complain
-from sheetsplat.fields import ending
-from sheetsplat.fields.base import NOT_OPENED
+from sheetsplat.fields import ending, labelled
+from sheetsplat.fields.base import NOT_OPENED, Field
 from sheetsplat.fields.regular import BOUNDARIES, PARTS, RegularField, one_place
 from sheetsplat.fields.samples import Samples
 from sheetsplat.fields.stated import Stated
@@ -20,6 +20,8 @@ from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Quantity
 from sheetsplat.transfer import TransferFunction
 
+#: What to do where data in bricks have no weights of means.
+INSTEAD_OF_WEIGHTS = "open it with sheetsplat.open, or divide the x-ray of products by that of the weights"
 # Samples at which kernels are tried: more than the prefilter of any usable kernel reaches.
 _TRIED = (8, 8, 8)
 
@@ -75,6 +77,12 @@ class Survey(Samples, Protocol):
 
     def centres(self, lattice: str) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
         """Return the first and the last step of lattice planes with samples along x, y, z."""
+
+    def near(self, samples: Any) -> NDArray[np.bool_]:
+        """Return which bricks have samples of a box of the volume."""
+
+    def labels_in(self, samples: Any = None) -> tuple[int, ...]:
+        """Return the labels of the bricks that have samples of a box, of all unless given; none of values."""
 
     def shown_by(self, source: Any) -> Survey:
         """Return what is known of the same samples shown in another way."""
@@ -136,10 +144,11 @@ class BrickedField(RegularField):
         boundary: str = "edge",
         base: float | None = None,
         axes: Any = None,
+        labels: bool = False,
     ) -> None:
         self._quantity, self._opened, self._orientation = source.quantity, NOT_OPENED, source.orientation
         self._trim, self._prober, self._weighting, self._stated = Trim(), None, None, Stated()
-        self._labels, self._colors, self._parts_made = False, None, {}
+        self._labels, self._colors, self._parts_made = truth("open_bricks: labels", labels), None, {}
         self._place(axes, spacing)
         self._origin = triple("open_bricks: origin", origin)
         self._lattice = choice("open_bricks: lattice", lattice, ("cartesian", "bcc"))
@@ -155,6 +164,9 @@ class BrickedField(RegularField):
         self._prefilter = prefilter is not None and truth("open_bricks: prefilter", prefilter)
         if self._prefilter and self._normalization == "none":
             self._normalization = "lattice"
+        if self._labels:
+            mixing: Any = {"prefilter": (self._prefilter, False), "normalization": (self._normalization, "lattice")}
+            labelled.require_labels(np.zeros(0, np.uint8), **mixing, base=(self._base or 0.0, 0.0))
         self._set(source, survey, brick)
         self._condition = None
         if self._prefilter:
@@ -172,7 +184,7 @@ class BrickedField(RegularField):
 
     def _stand_in(self, source: Source, survey: Survey) -> _sheetsplat.RegularField:
         # With the base of all samples, and no end of its own.
-        base = self._base
+        base = 0.0 if self._labels else self._base
         if base is None:
             chosen = self._boundary == "edge" and (self._prefilter or self._normalization != "none")
             base = survey.base if chosen else 0.0
@@ -180,12 +192,12 @@ class BrickedField(RegularField):
 
     def _parts(self) -> dict[str, Any]:
         own = ("source", "survey", "brick", "_prefilter", "_condition")
-        return {name: getattr(self, name) for name in (*PARTS, *own)}
+        return {name: getattr(self, name) for name in (*PARTS, *own, "_stated")}
 
     def _restore(self, parts: dict[str, Any]) -> None:
         # What reads bricks for values at points belongs to the process that opened them.
-        self._prober, self._stated, self._parts_made = None, Stated(), {}
-        for name in (*PARTS, "_prefilter", "_condition"):
+        self._prober, self._parts_made = None, {}
+        for name in (*PARTS, "_prefilter", "_condition", "_stated"):
             setattr(self, name, parts[name])
         self._set(parts["source"], parts["survey"], parts["brick"])
 
@@ -193,13 +205,13 @@ class BrickedField(RegularField):
         """Return a field of the same samples with some options changed; other samples are refused."""
         if values is not None:
             self._refuse("other samples")
-        options = {name.removeprefix("_"): getattr(self, name) for name in PARTS if name not in ("_labels", "_colors")}
+        options = {name.removeprefix("_"): getattr(self, name) for name in PARTS if name != "_colors"}
         options["prefilter"] = self.prefilter if options.pop("settled") else None
         if self.prefilter:
             # The one that it set itself.
             del options["normalization"]
         made = BrickedField(self.source, self.survey, self.brick, **one_place({**options, **changes}, changes))
-        return made._told_by(self).probed_by(self._prober)
+        return made.told_by(self).probed_by(self._prober)
 
     def probed_by(self, prober: Prober | None) -> BrickedField:
         """Return the same field with what reads bricks for values at points."""
@@ -230,14 +242,20 @@ class BrickedField(RegularField):
         """Return a field whose samples are clamped to the limits."""
         return self._shown(limits=limits)
 
-    def _refuse(self, what: str) -> NoReturn:
+    def _refuse(self, what: str, advice: str = "open it with sheetsplat.open") -> NoReturn:
         raise complain(
             f"{what} of a volume in bricks cannot be had",
             f"{self.source.name}, whose samples are not in memory",
             "a volume in memory",
-            "open it with sheetsplat.open",
+            advice,
             kind=Unsupported,
         )
+
+    def weighted_by(self, weight: ArrayLike | Field | None) -> BrickedField:
+        """Raise Unsupported for weights: samples are not in memory."""
+        if weight is not None:
+            self._refuse("weighted means", INSTEAD_OF_WEIGHTS)
+        return self
 
     @property
     def values(self) -> NDArray[Any]:  # type: ignore[override]
@@ -265,6 +283,24 @@ class BrickedField(RegularField):
         if self._prober is None:
             self._refuse("values at points")
         return self._prober.sums(self, places, columns)
+
+    @property
+    def labels_found(self) -> tuple[int, ...]:
+        """The labels among the samples, from the least one on. InvalidInput for more than are told apart."""
+        return labelled.told_apart(self.survey.labels_in())
+
+    def part_of_label(self, label: int) -> _sheetsplat.RegularField:
+        """Return a native field of two samples, 0 and 1, for what scenes ask the field of a label for."""
+        if label not in self._parts_made:
+            self._parts_made[label] = self._made(np.array([[[0, 1]]], np.uint8), base=0.0, boundary="zero")
+        made: _sheetsplat.RegularField = self._parts_made[label]
+        return made
+
+    def field_of_label(self, label: int) -> BrickedField:
+        """Return the field that is 1 at the samples of a label and 0 elsewhere; its bricks are read anew."""
+        source = self.source.replace(label=label)
+        native, survey = self.part_of_label(label), self.survey.shown_by(source)
+        return self._with(native=native, source=source, survey=survey, _labels=False, _base=0.0, _parts_made={})
 
     @property
     def samples(self) -> Samples:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from sheetsplat._checks import Bounds
 from sheetsplat.errors import Unsupported, complain
 from sheetsplat.fields.base import Field
-from sheetsplat.fields.bricked import BrickedField
+from sheetsplat.fields.bricked import INSTEAD_OF_WEIGHTS, BrickedField
 from sheetsplat.fields.ellipsoid import EllipsoidField
 
 
@@ -177,18 +177,18 @@ class BrickedKernels(EllipsoidField):
 
     def weighted_by(self, weight: Any) -> NoReturn:
         """Raise Unsupported: kernels are not in memory."""
-        self._refuse("weighted means")
+        self._refuse("weighted means", INSTEAD_OF_WEIGHTS)
 
     def with_ghost_points(self, *, distance: float = 1.0, weight: float = 1.0) -> NoReturn:
         """Raise Unsupported: kernels are not in memory."""
         self._refuse("ghost points")
 
-    def _refuse(self, what: str) -> NoReturn:
+    def _refuse(self, what: str, advice: str = "open it with sheetsplat.open") -> NoReturn:
         raise complain(
             f"{what} of scattered data in bricks cannot be had",
             f"{self.source.name}, whose kernels are not in memory",
             "a field in memory",
-            "open it with sheetsplat.open",
+            advice,
             kind=Unsupported,
         )
 

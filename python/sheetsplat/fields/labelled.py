@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,17 +33,30 @@ def require_labels(values: NDArray[Any], **options: Any) -> None:
             )
 
 
-def labels_in(values: NDArray[Any]) -> tuple[int, ...]:
-    """Return the labels among samples, from the least one on. InvalidInput for more than are told apart."""
+def counts_of_labels(values: NDArray[Any]) -> dict[int, int]:
+    """Return how many samples each label has, from the least label on."""
     if values.dtype.kind in "ui" and values.dtype.itemsize <= 2:
         least = int(np.iinfo(values.dtype).min)
-        counts = np.zeros(2 ** (8 * values.dtype.itemsize), np.int64)
+        table = np.zeros(2 ** (8 * values.dtype.itemsize), np.int64)
         for layer in values:
-            counts += np.bincount(layer.ravel().astype(np.int64) - least, minlength=len(counts))
-        found = np.flatnonzero(counts) + least
+            table += np.bincount(layer.ravel().astype(np.int64) - least, minlength=len(table))
+        ranks = np.flatnonzero(table)
+        found, counts = ranks + least, table[ranks]
     else:
         _memory.require(2 * values.nbytes, "the labels of a volume")
-        found = np.unique(values[~np.isnan(values)] if values.dtype.kind == "f" else values)
+        known = values[~np.isnan(values)] if values.dtype.kind == "f" else values
+        found, counts = np.unique(known, return_counts=True)
+    return {int(one): int(count) for one, count in zip(found, counts, strict=True)}
+
+
+def labels_in(values: NDArray[Any]) -> tuple[int, ...]:
+    """Return the labels among samples, from the least one on. InvalidInput for more than are told apart."""
+    return told_apart(counts_of_labels(values))
+
+
+def told_apart(labels: Iterable[int]) -> tuple[int, ...]:
+    """Return labels, or raise InvalidInput for more than are told apart."""
+    found = tuple(labels)
     if len(found) > MOST_LABELS:
         raise complain(
             "labels cannot be told apart",
@@ -52,7 +65,7 @@ def labels_in(values: NDArray[Any]) -> tuple[int, ...]:
             "merge labels, cut out a part of the volume, or pass " + option_ref("labels", "false"),
             option="labels",
         )
-    return tuple(int(one) for one in found)
+    return found
 
 
 def split_colors(values: Any) -> tuple[Any, NDArray[Any] | None]:
@@ -98,12 +111,40 @@ def with_labels(values: Any, options: Mapping[str, Any], *, stated: bool = False
     They are where their file states it, or where they look like that.
     """
     given = {name: one for name, one in options.items() if name != "labels" or one is not None}
-    open_ = not given.keys() & {"labels", "normalization", "w0", "prefilter", "base", "radius", "falloff"}
+    open_ = is_open(given)
     samples = isinstance(values, np.ndarray) and values.ndim == 3 and values.size > 0 and values.dtype.kind in "iuf"
     if open_ and samples and stated and values.dtype.kind == "f" and not np.array_equal(values, np.round(values)):
-        warn("the file states labels, but has numbers that are not whole: they are shown as values")
+        warn_of_halves()
         stated = open_ = False
     return {**given, "labels": True} if open_ and samples and (stated or look_like_labels(values)) else given
+
+
+def is_open(options: Mapping[str, Any]) -> bool:
+    """Return whether options of a volume that were given leave it open whether samples are labels."""
+    return not options.keys() & {"labels", "normalization", "w0", "prefilter", "base", "radius", "falloff"}
+
+
+def warn_of_halves() -> None:
+    """Warn of a file that states labels and has other numbers."""
+    warn("the file states labels, but has numbers that are not whole: they are shown as values")
+
+
+class Looks(NamedTuple):
+    """How whole numbers lie in a volume, as far as some layers of it show.
+
+    Attributes
+    ----------
+    numbers
+        Which there are; none where samples are no whole numbers, or too many.
+    regions
+        Whether they are regions of one number each.
+    jumps
+        Whether beside regions lie others that are not the next ones.
+    """
+
+    numbers: tuple[int, ...] = ()
+    regions: bool = False
+    jumps: bool = False
 
 
 def look_like_labels(values: NDArray[Any]) -> bool:
@@ -112,22 +153,29 @@ def look_like_labels(values: NDArray[Any]) -> bool:
     These are regions of one number each, beside which others lie that are not the next ones: what is measured goes
     through the numbers between.
     """
+    looks = looks_of(values)
+    return len(looks.numbers) >= _LEAST_KINDS and looks.regions and looks.jumps
+
+
+def looks_of(values: NDArray[Any]) -> Looks:
+    """Return how the whole numbers of a volume lie, of its shape (nk, nj, ni)."""
     seen = values[:: -(-values.shape[0] // _LAYERS)]
     # (Most volumes show in one layer that they are none.)
     ranks: NDArray[np.int64]
     counts: NDArray[np.int64]
+    least = 0
     for part in (seen[len(seen) // 2], seen):
         whole = part.dtype.kind in "ui" or (bool(np.isfinite(part).all()) and np.array_equal(part, np.round(part)))
         if not whole or max(abs(float(part.max())), abs(float(part.min()))) > _WIDEST:
-            return False
-        ranks = part.astype(np.int64) - int(part.min())
+            return Looks()
+        least = int(part.min())
+        ranks = part.astype(np.int64) - least
         if int(ranks.max()) > _WIDEST_TABLE:
-            return False
+            return Looks()
         counts = np.bincount(ranks.ravel())
         if np.count_nonzero(counts) > _MOST_KINDS:
-            return False
-    if np.count_nonzero(counts) < _LEAST_KINDS:
-        return False
+            return Looks()
+    numbers = tuple((np.flatnonzero(counts) + least).tolist())
     in_order: NDArray[np.int64] = np.cumsum((counts > 0).astype(np.int64))[ranks]
     # What has the most frequent number is taken for what is around things.
     inside: NDArray[np.bool_] = ranks != int(counts.argmax())
@@ -135,8 +183,9 @@ def look_like_labels(values: NDArray[Any]) -> bool:
     steps, beside = (np.concatenate(one) for one in zip(*pairs, strict=True))
     borders = steps[beside] > 0
     if not borders.any():
-        return False
-    return bool(borders.mean() <= _MOST_BORDERS and (steps > 1).sum() >= _LEAST_JUMPS * (steps > 0).sum())
+        return Looks(numbers)
+    regions = bool(borders.mean() <= _MOST_BORDERS)
+    return Looks(numbers, regions, bool((steps > 1).sum() >= _LEAST_JUMPS * (steps > 0).sum()))
 
 
 def _pairs(numbers: NDArray[np.int64], inside: NDArray[np.bool_], axis: int) -> tuple[NDArray[Any], NDArray[Any]]:

@@ -14,6 +14,7 @@ from sheetsplat._checks import Bounds, Triple, Vector, as_array, choice, number,
 from sheetsplat._properties import Forwarded
 from sheetsplat.errors import complain
 from sheetsplat.fields import ending, labelled
+from sheetsplat.fields.apart import Apart
 from sheetsplat.fields.base import NOT_OPENED, Field, NanPolicy, Normalization
 from sheetsplat.fields.samples import ArraySamples, Samples
 from sheetsplat.fields.stated import Stated, Stating
@@ -139,7 +140,7 @@ def _axes_of(axes: ArrayLike, spacing: Vector | None) -> tuple[Triple, Triple, T
     return i, j, k
 
 
-class RegularField(Stating, Field):
+class RegularField(Stating, Apart, Field):
     """A Cartesian or body-centred cubic volume. Immutable.
 
     Sample (i, j, k) of ``values[k, j, i]`` is a kernel at ``origin + (i dx, j dy, k dz)`` (Cartesian) or at
@@ -347,9 +348,9 @@ class RegularField(Stating, Field):
         made = RegularField(self.values if values is None else values, **one_place({**options, **changes}, changes))
         if values is None:
             made._colors = colors
-        return made._told_by(self)
+        return made.told_by(self)
 
-    def _told_by(self, other: RegularField) -> Self:
+    def told_by(self, other: RegularField) -> Self:
         """Return the same field with what another one of its samples says about them."""
         same = {name: getattr(other, name) for name in ("_opened", "_orientation", "_trim", "_stated")}
         told = self._with(**same, _weighting=other._weighting_of(self.shape))
@@ -382,6 +383,7 @@ class RegularField(Stating, Field):
         coefficients: NDArray[Any] | None = None,
         figures: dict[str, float] | None = None,
         least_weight: float = 0.0,
+        labels_found: tuple[int, ...] = (),
         **options: Any,
     ) -> RegularField:
         """Return the field of a part of a larger volume, for pictures in bricks.
@@ -397,6 +399,8 @@ class RegularField(Stating, Field):
             What the prefilter found for these samples in their surroundings.
         least_weight
             Points of a smaller sum of weights are empty.
+        labels_found
+            The labels that it has a native field of; those among its samples unless given.
         options
             Those of `RegularField`, except `prefilter`.
         """
@@ -408,6 +412,8 @@ class RegularField(Stating, Field):
             value_range=value_range,
             least_weight=least_weight,
         )
+        if labels_found:
+            field._parts_made["found"] = labels_found
         return field
 
     values = Forwarded[NDArray[Any]](
@@ -478,53 +484,6 @@ class RegularField(Stating, Field):
     def has_values(self) -> bool:
         """Whether samples are values, and neither labels nor colours."""
         return not self._labels and self._colors is None
-
-    @property
-    def labels_found(self) -> tuple[int, ...]:
-        """The labels among the samples, from the least one on. InvalidInput for more than are told apart."""
-        if "found" not in self._parts_made:
-            self._parts_made["found"] = labelled.labels_in(self.values)
-        found: tuple[int, ...] = self._parts_made["found"]
-        return found
-
-    def part_of_label(self, label: int) -> _sheetsplat.RegularField:
-        """Return the native field that is 1 at the samples of a label and 0 elsewhere, made once.
-
-        Raises
-        ------
-        OutOfMemory
-            Where it does not fit.
-        """
-        if label not in self._parts_made:
-            _memory.require(2 * self.values.size, f"the volume of label {label}")
-            self._parts_made[label] = self._made((self.values == label).astype(np.uint8), base=0.0)
-        made: _sheetsplat.RegularField = self._parts_made[label]
-        return made
-
-    def field_of_label(self, label: int) -> RegularField:
-        """Return the field that is 1 at the samples of a label and 0 elsewhere. OutOfMemory where it does not fit."""
-        return self._with(native=self.part_of_label(label), _labels=False, _base=0.0)
-
-    @property
-    def colored(self) -> bool:
-        """Whether samples are colours: `values` are then how opaque they are."""
-        return self._colors is not None
-
-    @property
-    def full_color(self) -> float:
-        """What full red, green and blue are in `part_of_color`."""
-        assert self._colors is not None
-        return 1.0 if self._colors.dtype.kind == "f" else float(np.iinfo(self._colors.dtype).max)
-
-    def part_of_color(self, channel: int) -> _sheetsplat.RegularField:
-        """Return the native field of red, green or blue, 0 to 2, made once. OutOfMemory where it does not fit."""
-        assert self._colors is not None
-        key = "color", channel
-        if key not in self._parts_made:
-            samples = np.ascontiguousarray(self._colors[..., channel])
-            self._parts_made[key] = self._made(samples, prefilter=self.prefilter, base=0.0)
-        made: _sheetsplat.RegularField = self._parts_made[key]
-        return made
 
     origin = Forwarded[Triple]("_origin", "World position of sample (0, 0, 0).")
     lattice = Forwarded[str]("_lattice", 'Either "cartesian" or "bcc".')

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+import re
 import struct
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -28,7 +29,7 @@ from sheetsplat.io.checks import (
 )
 from sheetsplat.io.records import Floats, Packing, Volume
 from sheetsplat.io.stored import LazySamples
-from sheetsplat.quantity import Axis, Quantity
+from sheetsplat.quantity import Axis, Quantity, time_text
 
 # Names of dimensions along x, y and z of the world: those of the CF conventions and of common use.
 _NAMES = (
@@ -42,8 +43,24 @@ _TIMES = ("time", "t", "step", "frame", "timestep", "date", "member")
 #: Attributes that are read, of arrays and of coordinates.
 READ = (
     *("scale_factor", "add_offset", "_FillValue", "missing_value", "_Unsigned"),
-    *("units", "long_name", "standard_name", "axis", "positive", "coordinates"),
+    *("units", "long_name", "standard_name", "axis", "positive", "coordinates", "calendar"),
 )
+# Times counted from a date (CF conventions, section 4.4): unit, date and clock; seconds in a unit; calendars, and the
+# first day, that count as NumPy does.
+_SINCE = re.compile(r"(\w+) since (\d{4}-\d\d-\d\d)(?:[ T](\d\d:\d\d(?::\d\d)?)\S*)?(?: .*)?")
+_SECONDS = {
+    "s": 1.0,
+    "second": 1.0,
+    "sec": 1.0,
+    "minute": 60.0,
+    "min": 60.0,
+    "hour": 3600.0,
+    "hr": 3600.0,
+    "h": 3600.0,
+    "day": 86400.0,
+}
+_CALENDARS = ("standard", "gregorian", "proleptic_gregorian")
+_GREGORIAN = np.datetime64("1582-10-15", "ms")
 _MOST_FILLS = 16
 # How names of dimensions begin that have none.
 _UNNAMED = "dim_"
@@ -122,10 +139,43 @@ class Coordinate:
         words = {str(name).lower(), str(self.attributes.get("standard_name", "")).lower()}
         return next((axis for axis, names in enumerate(_NAMES) if words.intersection(names)), None)
 
+    def time_at(self, number: int, name: Hashable) -> str:
+        """Return the time at one place as figures tell it, by the name of the dimension; "" where it is not known."""
+        if not 0 <= number < self.numbers.size:
+            return ""
+        one, unit = self.numbers.reshape(-1)[number], _text(self.attributes, "units")
+        if self.is_date:
+            return _date_text(one)
+        if one.dtype.kind not in "iuf" or not np.isfinite(one):
+            return ""
+        since = _SINCE.fullmatch(unit)
+        if since is None:
+            return time_text(float(one), unit, str(name))
+        calendar = str(self.attributes.get("calendar", "standard")).lower()
+        word = since[1].lower()
+        seconds = _SECONDS.get(word, _SECONDS.get(word.removesuffix("s")))
+        try:
+            start = np.datetime64(f"{since[2]}T{since[3] or '00:00'}", "ms")
+            if seconds is None or calendar not in _CALENDARS or start < _GREGORIAN:
+                return time_text(float(one), since[1], str(name))
+            return _date_text(start + np.timedelta64(round(1000.0 * seconds * float(one)), "ms"))
+        except (ValueError, OverflowError):
+            return time_text(float(one), since[1], str(name))
+
     def is_time(self, name: Hashable) -> bool:
         """Return whether a dimension is time, by its name, its attributes or the type of its places."""
         words = {str(name).lower(), str(self.attributes.get("standard_name", "")).lower()}
         return bool(words.intersection(_TIMES)) or str(self.attributes.get("axis", "")).upper() == "T" or self.is_date
+
+
+def _date_text(one: Any) -> str:
+    """Return a date and, of a duration, a number of seconds; "" for none."""
+    if np.isnat(one):
+        return ""
+    if one.dtype.kind == "m":
+        return time_text(float(one / np.timedelta64(1, "ms")) / 1000.0, "s")
+    date, _, clock = str(one.astype("datetime64[s]")).partition("T")
+    return f"{date} {clock.removesuffix(':00')}"
 
 
 def dimension_names(names: Sequence[object]) -> tuple[str, ...]:
@@ -157,6 +207,8 @@ class NamedArray:
         Of dimensions that have some.
     curved
         Names of coordinates that follow several dimensions: curvilinear ones.
+    time
+        When it is, where it is one of several times: "2020-01-01 06:00"; else empty.
     """
 
     where: Where
@@ -166,6 +218,7 @@ class NamedArray:
     attributes: Mapping[str, Any] = field(default_factory=dict)
     coordinates: Mapping[Hashable, Coordinate] = field(default_factory=dict)
     curved: tuple[str, ...] = ()
+    time: str = ""
 
     def coordinate(self, name: Hashable) -> Coordinate:
         """Return the places along a dimension, and what is said of them."""
@@ -193,7 +246,10 @@ class NamedArray:
         """Return the array at a time step, the only one unless given. InvalidInput where there are others."""
         number = chosen_step(self.where, self.steps, step)
         axis = self.time_axis()
-        return self if axis is None or self.steps == 1 else self._without({axis: number})
+        if axis is None or self.steps == 1:
+            return self
+        name = self.dimensions[axis]
+        return replace(self._without({axis: number}), time=self.coordinate(name).time_at(number, name))
 
     def _without(self, chosen: Mapping[int, int]) -> NamedArray:
         """Return the array at one place along some dimensions, by their numbers."""
@@ -308,7 +364,12 @@ def _placed(one: NamedArray, file_format: str, *, resample: bool) -> Volume:
         placed.origin,
         file_format,
         {key: text for key, text in details.items() if text},
-        Quantity(name, _text(one.attributes, "units"), axes=tuple(axes) if any(axis.name for axis in axes) else ()),
+        Quantity(
+            name,
+            _text(one.attributes, "units"),
+            axes=tuple(axes) if any(axis.name for axis in axes) else (),
+            time=printable(one.time),
+        ),
         units=tuple(units),
         packing=packing,
     )

@@ -31,7 +31,7 @@ class Names:
     shown: str | None = None
 
 
-class _Told(Exception):
+class Told(Exception):
     """Ends the reading of a file of which the names alone are wanted."""
 
     def __init__(self, names: Names) -> None:
@@ -53,7 +53,7 @@ def tell_names(names: Iterable[str], shown: str | None = None) -> tuple[str, ...
     shown = known[0] if shown is None and len(known) == 1 else shown
     if _asked.get():
         first = () if shown is None else (shown,)
-        raise _Told(Names((*first, *(one for one in known if one != shown)), shown))
+        raise Told(Names((*first, *(one for one in known if one != shown)), shown))
     return known
 
 
@@ -67,7 +67,7 @@ def names_in(read: Callable[[], object]) -> Names:
     token = _asked.set(True)
     try:
         read()
-    except _Told as end:
+    except Told as end:
         return end.names
     finally:
         _asked.reset(token)

@@ -230,7 +230,9 @@ def read(source: Source, name: str | None = None) -> list[Volume]:
 
 def locate(source: Source) -> Volume:
     """Return what `read` reads of three axes; its values are `StoredSamples`, Unsupported unless they are raw."""
-    return _read(source, located=True)[0]
+    volume, header, axis = _read(source, located=True)
+    stated = axis is None and any(_LABEL.fullmatch(key) for key in header)
+    return replace(volume, labels=_segments(source.path, header, 0)) if stated else volume
 
 
 def _kind(header: dict[str, Any], axis: int) -> str:

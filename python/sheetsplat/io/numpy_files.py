@@ -7,9 +7,11 @@ and reads no parts without a map of the file; in a child 64 MB would take 0.1 s 
 from __future__ import annotations
 
 import math
+import re
 import sys
 import warnings
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
 
@@ -19,14 +21,17 @@ from numpy.typing import NDArray
 
 from sheetsplat.errors import option_ref
 from sheetsplat.io.channels import split
-from sheetsplat.io.checks import checked_shape, unreadable
+from sheetsplat.io.checks import checked_shape, printable, unreadable
 from sheetsplat.io.names import tell_names
 from sheetsplat.io.records import Volume
 from sheetsplat.io.source import DEFLATE_RATIO, Payload, Source
+from sheetsplat.quantity import Quantity
 
 _Header = tuple[tuple[int, ...], bool, np.dtype[Any]]
 # Bytes of a text beside arrays.
 _LONGEST_TEXT = 1024
+# Names of arrays that numpy.savez was given without one.
+_NUMBERED = re.compile(r"arr_\d+")
 # Places of an axis of channels, and of any axis beside it.
 _MOST_CHANNELS, _LEAST = 4, 8
 
@@ -127,7 +132,10 @@ def read_npz(source: Source, name: str | None = None) -> Volume:
             raise unreadable(source.path, f"no array {name!r}", "one of: " + ", ".join(sorted(entries)))
         with archive.open(entries[name]) as stream:
             header = _header(stream)
-            return _volume(source, header, _payload(source, entries[name], stream), "npz")
+            volume = _volume(source, header, _payload(source, entries[name], stream), "npz")
+        # (Arrays that nobody named have numbers.)
+        own = "" if _NUMBERED.fullmatch(name) else printable(name)
+        return replace(volume, quantity=Quantity(name=own))
 
 
 def read_arrays(source: Source, *, most: int) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import pkgutil
+import warnings
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -13,6 +14,7 @@ from sheetsplat._objects import ObjectKind
 from sheetsplat.errors import Error, OutOfMemory, complain, missing_package, option_refs
 from sheetsplat.fields import EllipsoidField, RegularField
 from sheetsplat.io.kernels import given
+from sheetsplat.io.names import Names, Told, names_in
 from sheetsplat.io.opening import READING, field_of_record, refused_for, weighted
 from sheetsplat.io.records import Scattered, Volume
 
@@ -22,7 +24,7 @@ def _reading(name: str) -> Iterator[None]:
     """Turn errors of other libraries into errors of this package."""
     try:
         yield
-    except Error:
+    except (Error, Told):
         raise
     except MemoryError as error:
         what = f"there is not enough memory for {name}"
@@ -51,6 +53,21 @@ def read_object(data: object, kind: ObjectKind, options: Mapping[str, Any]) -> V
     with _reading(kind.name), np.errstate(all="ignore"):
         found: Volume | Scattered = pkgutil.resolve_name(kind.reader)(data, kind.name, **given(**reading))
     return found
+
+
+def arrays_of_object(data: object, kind: ObjectKind) -> Names:
+    """Return the names of the arrays of an object among which ``scalar=`` chooses, without reading any.
+
+    Raises
+    ------
+    InvalidInput
+        As reading it.
+    """
+    if "scalar" not in kind.options:
+        return Names()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return names_in(lambda: read_object(data, kind, {}))
 
 
 def field_of_object(data: object, kind: ObjectKind, options: Mapping[str, Any]) -> RegularField | EllipsoidField:

@@ -327,10 +327,7 @@ def _of_volume(volume: Volume, options: Mapping[str, Any]) -> RegularField:
     if volume.packing.missing and np.isnan(volume.values).any():
         chosen["nan"] = "skip"
     chosen |= {name: options[name] for name in _SAMPLES if name in options}
-    if volume.channel.color is not None and volume.labels is False:
-        # Beside others a channel is measured, whatever its numbers look like.
-        chosen.setdefault("labels", False)
-    field = RegularField(volume.values, **with_labels(volume.values, chosen, stated=volume.labels is not False))
+    field = RegularField(volume.values, **labelled_options(volume, chosen))
     if field.labels and not isinstance(volume.labels, bool):
         field = field.with_label_colors(volume.labels)
     quantity, channel = volume.quantity, volume.channel
@@ -339,6 +336,14 @@ def _of_volume(volume: Volume, options: Mapping[str, Any]) -> RegularField:
     field = field.with_color(channel.color if field.has_values else None, window)
     field = field.with_quantity_of_samples(quantity, volume.spacing, volume.origin, "cartesian")
     return field.with_orientation(volume.orientation)
+
+
+def labelled_options(volume: Volume, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return options of the field of a volume that say whether its samples are labels, where the caller did not."""
+    if volume.channel.color is not None and volume.labels is False:
+        # Beside others a channel is measured, whatever its numbers look like.
+        options = {"labels": False, **options}
+    return with_labels(volume.values, options, stated=volume.labels is not False)
 
 
 def field_of_record(

@@ -41,11 +41,14 @@ class Motion:
         Their velocities, (N, 3), world units in a unit of time.
     time
         When it was, in that unit: of the file, or of cosmological runs in seconds since the beginning.
+    unit
+        Of the time: "s", or empty where it is not known.
     """
 
     ids: NDArray[Any]
     velocities: Floats
     time: float
+    unit: str = ""
 
 
 def read_motion(path: Path, particles: str | None = None) -> Motion:
@@ -76,6 +79,7 @@ def _of_file(path: Path, file: Any, particles: str | None) -> Motion:
     velocities = group.read(names[1]).astype(np.float64)
     if velocities.ndim != 2 or velocities.shape[1] != 3:
         raise unreadable(path, f"{group.name}/{names[1]} of shape {velocities.shape}", "(N, 3)")
+    unit = ""
     cosmology = [next(_numbers(homes, known), 0.0) for known in (_MATTER, _LAMBDA)]
     if "a" in told and told.get("h", 0.0) > 0.0 and cosmology[0] > 0.0:
         units = group.unit(group.place, told), group.unit(names[1], told)
@@ -84,10 +88,10 @@ def _of_file(path: Path, file: Any, particles: str | None) -> Motion:
         a, h = told["a"], told["h"]
         sizes = [one.size * a**one.a * h**one.h for one in units if one is not None]
         velocities *= sizes[1] / sizes[0]
-        time = age(a, h, cosmology[0], cosmology[1])
+        time, unit = age(a, h, cosmology[0], cosmology[1]), "s"
     elif time is None:
         raise unreadable(path, "no time in its header", "Header with an attribute Time")
-    return Motion(group.read(names[0]).reshape(-1), velocities, time)
+    return Motion(group.read(names[0]).reshape(-1), velocities, time, unit)
 
 
 def _numbers(homes: Mapping[str, Any], names: tuple[str, ...]) -> Any:

@@ -29,8 +29,11 @@ def named(array: Any, where: Where) -> NamedArray:
     coordinates = {name: Coordinate(np.asarray(one.values), dict(one.attrs)) for name, one in along.items()}
     curved = [str(name) for name, one in array.coords.items() if one.ndim > 1]
     samples = LazySamples.of(partial(part_of, array), array.dtype, array.shape)
+    alone = {name: one for name, one in array.coords.items() if not one.ndim}
+    known = {name: Coordinate(np.asarray(one.values), dict(one.attrs)) for name, one in alone.items()}
+    time = next((one.time_at(0, name) for name, one in known.items() if one.is_time(name)), "")
     name = "" if array.name is None else str(array.name)
-    return NamedArray(where, name, tuple(array.dims), samples, attributes, coordinates, tuple(curved))
+    return NamedArray(where, name, tuple(array.dims), samples, attributes, coordinates, tuple(curved), time)
 
 
 def read_array(array: Any, where: Where, resample: bool = False) -> Volume:

@@ -13,6 +13,7 @@ from sheetsplat import _memory
 from sheetsplat._checks import is_off
 from sheetsplat.errors import complain, option_ref
 from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Field, RegularField
+from sheetsplat.fields.derived import derived
 from sheetsplat.fields.samples import Samples, samples_of
 from sheetsplat.look.histogram import beyond_pictures, choose_for
 from sheetsplat.look.measure import with_values
@@ -202,6 +203,7 @@ def _with_numbers(field: Field, floor: float | None, change: Callable[[NDArray[n
         # NaN samples stay: their kernels are left out.
         values = np.where(np.isnan(field.values), np.nan, change(field.values.astype(np.float64))).astype(wide)
         shown = field.replace(values, **({} if floor is not None else {"base": None}))
+        shown = derived(shown, field, "floor", floor, field.quantity.floor)
     else:
         assert isinstance(field, EllipsoidField)
         numbers = change(field.values)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from sheetsplat.errors import Words, option_ref
 from sheetsplat.fields import BrickedField, BrickedKernels, EllipsoidField, Field, RegularField, default_spacing
+from sheetsplat.fields.derived import derived
 from sheetsplat.fields.samples import ArraySamples, Samples
 from sheetsplat.fields.trim import Trim
 from sheetsplat.look.histogram import usual_value, within_pictures
@@ -80,7 +81,7 @@ def trimmed(field: Field, trim: Trim) -> Field:
     if trim.limits is not None:
         values = np.clip(values, *trim.limits).astype(values.dtype)
     if isinstance(field, RegularField):
-        return field.replace(values).with_trim(trim)
+        return derived(field.replace(values), field, "limits", trim.limits).with_trim(trim)
     made = cast(EllipsoidField, field)
     kept = np.setdiff1d(np.arange(made.size), trim.kernels)
     rotations, weights = (None if rows is None else rows[kept] for rows in (made.rotations, made.weights))
@@ -145,7 +146,7 @@ def _counted_from_usual(field: Field) -> Field:
     if field.given_base is not None or as_summed or field.base not in (0.5 * low + 0.5 * high, low, high):
         return field
     base = usual_value(field.samples, field.base)
-    return field if base == field.base else field.replace(base=base)
+    return field if base == field.base else derived(field.replace(base=base), field, "base", base)
 
 
 def _reaches(clim: Any, limits: tuple[float, float]) -> bool:

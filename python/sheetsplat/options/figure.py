@@ -64,7 +64,11 @@ class AxesOptions(TypedDict, total=False):
     ]
     title: Annotated[
         str | None,
-        Option("Text above, which may hold TeX between dollar signs.", unset="none", check=optional(_text)),
+        Option(
+            'Text above, which may hold TeX between dollar signs; "": none.',
+            unset="the time, of data of several times",
+            check=optional(_text),
+        ),
     ]
     label: Annotated[
         str | Sequence[str] | None,

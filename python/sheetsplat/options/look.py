@@ -85,6 +85,27 @@ class TransferOptions(TypedDict, total=False):
             cli=(CommandLine(value=Special.COLORMAP, help="Colormap of {color_by}.", default=DEFAULT_CMAP),),
         ),
     ]
+    slice_cmap: Annotated[
+        Colormap | None,
+        Option(
+            "Colormap of {slice_planes} that have none of their own.",
+            unset='"gray"',
+            accepts="str, sequence of str, array (N, 3) or (N, 4), or function",
+            modes=COLORED,
+            cli=(CommandLine(value=Special.COLORMAP, help="Colormap of slice planes.", default="gray"),),
+        ),
+    ]
+    slice_clim: Annotated[
+        Sequence[float] | None,
+        Option(
+            "Values at which the colormap of {slice_planes} begins and ends, of those that have no limits of their "
+            "own; also where logarithms are shown.",
+            unset="the least and the largest value",
+            accepts="two numbers",
+            modes=COLORED,
+            value=Numbers("LOW,HIGH", 2, rising=True),
+        ),
+    ]
     log_scale: Annotated[
         bool,
         Option(

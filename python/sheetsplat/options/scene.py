@@ -376,10 +376,10 @@ class EffectOptions(TypedDict, total=False):
                     "--slice-plane",
                     "slice_plane",
                     Numbers("NX,NY,NZ,OFFSET", 4),
-                    "Show the values, in gray, on the points x with N·x = OFFSET, world units; may be repeated.",
+                    "Show the values on the points x with N·x = OFFSET, world units; may be repeated.",
                     multiple=True,
                 ),
-                CommandLine(help="Show the values, in gray, on three planes through the middle of the data."),
+                CommandLine(help="Show the values on three planes through the middle of the data."),
             ),
         ),
     ]

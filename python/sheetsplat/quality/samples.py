@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from sheetsplat import _memory
 from sheetsplat.errors import InvalidInput, OutOfMemory
 from sheetsplat.fields import BrickedField, RegularField
+from sheetsplat.fields.derived import keep, kept
 from sheetsplat.fields.samples import Samples
 
 #: Largest noise of samples that are interpolated, of their standard deviation. Coefficients have 8 times the noise of
@@ -24,6 +26,7 @@ _GAIN = 6.0**3
 # What coefficients and their solution need, bytes a sample; no more than this share of the free memory is taken.
 _BYTES = 12
 _SHARE = 0.5
+_THROUGH = "values pass through the samples; once about 40 ns a sample"
 
 
 @dataclass(frozen=True)
@@ -44,15 +47,32 @@ class Sampled:
 
 def through_samples(field: RegularField, radius: float, falloff: float) -> Sampled:
     """Return a volume of such kernels whose sum passes through its samples; where that is wrong, it as it is."""
-    if reason := _refusal(field):
+    if kept(field, radius, falloff) is None and (reason := _refusal(field)):
         return Sampled(field, reason)
     try:
-        made = field.replace(radius=radius, falloff=falloff, normalization="lattice", prefilter=True)
+        return Sampled(prefiltered(field, radius, falloff), _THROUGH)
     except OutOfMemory:
         return Sampled(field, "plain sums: the coefficients need more memory than there is")
     except InvalidInput as error:
         return Sampled(field, f"plain sums: these kernels cannot pass through the samples: {error.found}")
-    return Sampled(made, "values pass through the samples; once about 40 ns a sample")
+
+
+def prefiltered(field: RegularField, radius: float, falloff: float) -> RegularField:
+    """Return a volume with kernels whose sum passes through its samples.
+
+    Its coefficients are computed once as long as the field is there, but where another kernel was asked for meanwhile.
+
+    Raises
+    ------
+    InvalidInput, OutOfMemory
+        As `RegularField`.
+    """
+    options: dict[str, Any] = {"radius": radius, "falloff": falloff, "normalization": "lattice", "prefilter": True}
+    if isinstance(field, BrickedField):
+        # Its coefficients are computed brick by brick.
+        return field.replace(**options)
+    known = kept(field, radius, falloff)
+    return keep(field, lambda: field.replace(**options), radius, falloff) if known is None else known
 
 
 def _refusal(field: RegularField) -> str:
@@ -68,7 +88,7 @@ def _refusal(field: RegularField) -> str:
     if not isinstance(field, BrickedField) and _BYTES * samples.size > _SHARE * _memory.available():
         return f"plain sums: the coefficients would take {_BYTES * samples.size / 1e6:,.0f} MB"
     if samples.dtype.kind != "f" and _is_of_classes(samples):
-        return f"plain sums: up to {_FEWEST_VALUES} different values are classes, between which there is nothing"
+        return f"plain sums: up to {_FEWEST_VALUES} different values are classes; labels=True shows them as things"
     noise = noise_of(field)
     if noise > LARGEST_NOISE:
         return f"plain sums: {100.0 * noise:.3g} % of what the samples vary is noise, which coefficients would amplify"

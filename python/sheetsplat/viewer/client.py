@@ -5,10 +5,13 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from sheetsplat._json import plain
+from sheetsplat.errors import Error
+from sheetsplat.notices import PictureWarning
 
 _log = logging.getLogger("sheetsplat")
 
@@ -16,8 +19,32 @@ _log = logging.getLogger("sheetsplat")
 Deliver = Callable[[dict[str, Any], bytes], None]
 # Frames that a page may have been sent before it says that it drew one of them.
 _AHEAD = 2
+_LONGEST_TEXT = 2000
 # A page that says nothing for so many seconds is sent frames again: the message was lost.
 _SILENCE = 2.0
+
+
+def error_message(text: str) -> dict[str, Any]:
+    """Return the message of an error."""
+    return {"type": "error", "text": text[:_LONGEST_TEXT]}
+
+
+@contextmanager
+def faults_told(send: Callable[[dict[str, Any]], object]) -> Iterator[None]:
+    """Send the message of an error to pages; one must not end the thread, or the line, that they wait for."""
+    try:
+        yield
+    except Error as error:
+        send(error_message(str(error)))
+    except Exception as error:  # A fault of the program.
+        _log.exception("the viewer met an error")
+        send(error_message(f"{type(error).__name__}: {error}"))
+
+
+def tell_warnings(send: Callable[[dict[str, Any]], object], warned: Iterable[PictureWarning]) -> None:
+    """Send warnings to pages, each text once."""
+    for text in dict.fromkeys(map(str, warned)):
+        send({"type": "warning", "text": text[:_LONGEST_TEXT]})
 
 
 class Client:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sheetsplat.fields import BrickedField, BrickedKernels, Field, RegularField
 from sheetsplat.fields.regular import Boundary, Lattice
@@ -37,11 +38,16 @@ def _coarse(field: Field) -> Field | None:
         return _grid_of(field)
     if not isinstance(field, RegularField) or field.lattice != "cartesian" or field.values.size <= _MANY:
         return None
+    if field.colored:
+        # A mean of what is seen would be one of colours by their opacities.
+        return None
     width = 2
     while field.values.size > _FEW * width**3:
         width += 1
     if min(field.shape) < 4 * width:
         return None
+    if field.labels:
+        return _every(field, (width, width, width), field.values[::width, ::width, ::width])
     counts = [count // width for count in field.shape]
     whole = field.values[tuple(slice(count * width) for count in counts)]
     means = np.empty(counts, np.float32)
@@ -74,15 +80,21 @@ def _grid_of(field: BrickedField) -> RegularField | None:
     if field.lattice == "bcc" and (len(set(steps)) > 1 or not steps[0] % 2):
         # Samples that are no such lattice.
         return None
+    return _every(field, steps[::-1], field.samples.on_grid(steps))
+
+
+def _every(field: RegularField, widths: Sequence[int], samples: NDArray[Any]) -> RegularField:
+    """Return a field of some samples of another one, of which each stands for so many along i, j, k."""
     return RegularField(
-        field.samples.on_grid(steps),
-        **_wider(field, steps[::-1]),
+        samples,
+        **_wider(field, widths),
         origin=field.origin,
         lattice=cast(Lattice, field.lattice),
         nan="skip",
         prefilter=False,
         boundary=cast(Boundary, field.boundary),
-        base=field.base,
+        base=field.base if field.has_values else None,
+        labels=field.labels,
     )
 
 

@@ -15,6 +15,7 @@ from sheetsplat.options.camera import CameraOptions
 from sheetsplat.options.core import MODES, definitions
 from sheetsplat.options.picture import unused
 from sheetsplat.scene import Scene
+from sheetsplat.slice_planes import OF_PLANES
 from sheetsplat.transfer import TransferFunction
 from sheetsplat.viewer import compose
 from sheetsplat.viewer.data import DEFAULT_QUALITY, Shown
@@ -65,6 +66,8 @@ def arguments(shown: Shown, state: State, scene: Scene, size: tuple[int, int]) -
     given = {name: value for name, value in given.items() if name not in coloring or value is not None}
     options = {name: value for name, value in given.items() if name not in (*_OF_CAMERA, "size", "depth_cue")}
     options = {name: value for name, value in options.items() if not unused(state.mode, [name])}
+    if not scene.options["slice_planes"]:
+        options = {name: value for name, value in options.items() if name not in OF_PLANES}
     options |= {"mode": state.mode, "quality": state.quality, **_settings(shown, state)}
     options = {name: value for name, value in options.items() if (name, value) not in _DEFAULTS}
     if isinstance(shown.options.get("depth_cue"), str) or "depth_cue" in state.changes:
@@ -124,7 +127,7 @@ def _with_curves(state: State, scene: Scene, options: dict[str, Any]) -> dict[st
     """Return options with transfer functions as Python that makes them of their curves."""
     if "transfer_function" not in options:
         return options
-    curves = state.curves if compose.has_looks(scene) else {}
+    curves = {n: one for n, one in state.curves.items() if compose.has_look(scene, n)}
     return {**options, "transfer_function": _functions(scene.transfer_functions, curves)}
 
 

@@ -12,7 +12,7 @@ from sheetsplat._checks import Triple, triple
 from sheetsplat.api import Prepared
 from sheetsplat.camera import Camera
 from sheetsplat.choose.asked import GOALS, Asked
-from sheetsplat.choose.look import is_channel
+from sheetsplat.choose.look import is_channel, is_labelled
 from sheetsplat.choose.picture import fitted
 from sheetsplat.describe.schema import plain
 from sheetsplat.fields import RegularField, joined_bounds
@@ -26,6 +26,7 @@ from sheetsplat.options.core import MODES
 from sheetsplat.options.look import DEFAULT_CMAP
 from sheetsplat.options.picture import unused
 from sheetsplat.scene import Scene
+from sheetsplat.slice_planes import PLANE_CMAP, with_colors
 from sheetsplat.transfer import TransferFunction, color_rows
 from sheetsplat.viewer.data import Histogram, Shown
 from sheetsplat.viewer.label_look import LabelLook
@@ -65,25 +66,33 @@ def scene_of(shown: Shown, state: State) -> Scene:
     surfaces: tuple[Surface, ...] | None = changes.pop("surfaces", None)
     for name in ("backdrop", *OF_COLORING):
         changes.pop(name, None)
+    if "slice_planes" in changes:
+        own = shown.options.get("slice_cmap", PLANE_CMAP), shown.options.get("slice_clim")
+        changes["slice_planes"] = with_colors(changes["slice_planes"], *own)
     # They come back with a mode that uses them.
     for name in unused(base.mode, list(changes)):
         del changes[name]
-    if state.curves and has_looks(base):
-        functions = [
-            state.curves[n].function if n in state.curves else one for n, one in enumerate(base.transfer_functions)
-        ]
-        changes["transfer_function"] = functions if len(functions) > 1 else functions[0]
+    functions = list(base.transfer_functions)
+    for n in [n for n in state.curves if n < len(functions) and has_look(base, n)]:
+        functions[n] = state.curves[n].function
     if surfaces is not None and TRAITS[base.mode].shows_surfaces:
         changes["iso_value"] = tuple((one.value, one.opacity) for one in surfaces)
-        changes["transfer_function"] = _functions_of(shown, base, surfaces)
+        functions = _functions_of(shown, base, functions, surfaces)
+    if tuple(functions) != tuple(base.transfer_functions) or "iso_value" in changes:
+        changes["transfer_function"] = functions if len(functions) > 1 else functions[0]
     if "depth_cue" in state.changes and not unused(base.mode, ["depth_cue"]):
         changes["depth_cue"] = None if cue is None else fitting_depth_cue(base, state.camera, cue.color, cue.strength)
-    if changes.get("clip") and base.lights and not _LIGHTS & shown.options.keys() and not _is_scene(shown, state):
+    if changes.get("clip") and base.lights and _faces_follow(shown, state):
         # As `render` decides on a clip that is given; lights that are moved stay those of the viewer.
-        changes["cut_faces"] = True
+        changes.setdefault("cut_faces", True)
     if not changes:
         return base
     return base.replace(**changes).with_quality(base.quality)
+
+
+def _faces_follow(shown: Shown, state: State) -> bool:
+    """Return whether faces of cuts are lit as such where the page cuts, as nobody gave a light or the faces."""
+    return not _LIGHTS & shown.options.keys() and not _is_scene(shown, state)
 
 
 def _is_scene(shown: Shown, state: State) -> bool:
@@ -139,10 +148,12 @@ def camera_towards(
     return shown.camera(scene_of(shown, state), size, **changes)
 
 
-def _functions_of(shown: Shown, scene: Scene, surfaces: tuple[Surface, ...]) -> Any:
-    """Return transfer functions that give each surface its colour."""
+def _functions_of(
+    shown: Shown, scene: Scene, known: Sequence[TransferFunction], surfaces: tuple[Surface, ...]
+) -> list[TransferFunction]:
+    """Return transfer functions that give each surface its colour; labels keep theirs."""
     functions: list[TransferFunction] = []
-    for n, own in enumerate(scene.transfer_functions):
+    for n, own in enumerate(known):
         if isinstance(own, LabelColors):
             functions.append(own)
             continue
@@ -151,7 +162,7 @@ def _functions_of(shown: Shown, scene: Scene, surfaces: tuple[Surface, ...]) -> 
         for one in surfaces:
             rows[one.value] = triple("", automatic.at([one.value])[0, :3]) if one.color is None else one.color
         functions.append(TransferFunction([(value, *color, 1.0) for value, color in rows.items()]))
-    return functions if len(functions) > 1 else functions[0]
+    return functions
 
 
 def _is_automatic(shown: Shown) -> bool:
@@ -166,10 +177,15 @@ def _surface_function(shown: Shown, scene: Scene, surfaces: tuple[Surface, ...])
     return TransferFunction.from_colormap(shown.options.get("cmap", DEFAULT_CMAP), 1.0, limits)
 
 
-def has_looks(scene: Scene) -> bool:
-    """Return whether a scene shows the transfer functions of its groups."""
-    labels = all(isinstance(one, LabelColors) for one in scene.transfer_functions)
+def has_look(scene: Scene, group: int) -> bool:
+    """Return whether a scene shows the transfer function of a group: of surfaces those of labels alone."""
+    labels = isinstance(scene.transfer_functions[group], LabelColors)
     return TRAITS[scene.mode].is_composited or is_light(scene) or (labels and TRAITS[scene.mode].shows_surfaces)
+
+
+def has_looks(scene: Scene) -> bool:
+    """Return whether a scene shows the transfer function of any of its groups."""
+    return any(has_look(scene, n) for n in range(len(scene.groups)))
 
 
 def coloring_of(shown: Shown, state: State) -> dict[str, Any]:
@@ -245,7 +261,10 @@ def state_parts(shown: Shown, state: State, scene: Scene) -> dict[str, Any]:
         "choice": state.choice,
         "time": state.time,
         "camera": camera_parts(state.camera),
-        "looks": [_look(curves_of(shown, state, n)) for n in range(len(scene.groups))] if has_looks(scene) else [],
+        # None: surfaces in place of a transfer function.
+        "looks": [_look(curves_of(shown, state, n)) if has_look(scene, n) else None for n in range(len(scene.groups))]
+        if has_looks(scene)
+        else [],
         "surfaces": [
             {
                 "value": value,
@@ -256,6 +275,7 @@ def state_parts(shown: Shown, state: State, scene: Scene) -> dict[str, Any]:
             for value, opacity in scene.surfaces
         ],
         **{name: plain(options[name]) for name in OF_SCENES},
+        "faces_follow": _faces_follow(shown, state),
         "color_by": _named(coloring.get("color_by")),
         "color_map": _named(coloring.get("color_map", DEFAULT_CMAP) or DEFAULT_CMAP),
         "scalar_colors": {**plain(colors), "cmap": colors.cmap if isinstance(colors.cmap, str) else ""},
@@ -277,7 +297,8 @@ def data_parts(shown: Shown, state: State, scene: Scene) -> dict[str, Any]:
     groups = []
     for fields, histogram in zip(scene.groups, found, strict=True):
         quantity = fields[0].quantity
-        parts = {"label": quantity.label, "floor": quantity.floor, "unit": quantity.unit}
+        label = quantity.label if quantity.name or not is_labelled(fields[0]) else "labels"
+        parts = {"label": label, "floor": quantity.floor, "unit": quantity.unit}
         groups.append({**parts, "low": histogram.low, "high": histogram.high, "counts": histogram.counts})
     lower, upper = scene.bounds
     # The box around the data themselves, where it has an extent.

@@ -35,7 +35,8 @@ from sheetsplat.options.renderer import RendererOptions
 from sheetsplat.options.scene import SceneOptions
 from sheetsplat.plan import PictureQuality
 from sheetsplat.scene import Scene
-from sheetsplat.viewer.arrays import arrays_of
+from sheetsplat.slice_planes import OF_PLANES
+from sheetsplat.viewer.arrays import arrays_of, has_arrays
 from sheetsplat.viewer.coarse import coarse_fields
 
 Made = TypeVar("Made")
@@ -153,19 +154,20 @@ class Shown:
         self._data, self._scene_file = data, _scene_file_of(data)
         # Options that choose a time of a file.
         self._steps: list[dict[str, Any]] = []
-        # Options that choose an array of a file.
+        # Options that choose an array of a file or an object.
         self._arrays: list[dict[str, Any]] = []
-        if isinstance(data, str | os.PathLike) and self._scene_file is None:
+        if has_arrays(data) and self._scene_file is None:
             reading = pick_given(OpenOptions, self.options)
             arrays = Names() if {"scalar", "name"} & reading.keys() else arrays_of(data, reading)
             if arrays.names:
                 self._choices = tuple((name, data) for name in arrays.names)
                 # The first one is the one that is shown by itself.
                 self._arrays = [{} if name == arrays.shown else {"scalar": name} for name in arrays.names]
-            steps = time_steps(data, {**reading, **(self._arrays[0] if self._arrays else {})})
+            chosen = self._arrays[0] if self._arrays else {}
+            steps = time_steps(data, {**reading, **chosen}) if isinstance(data, str | os.PathLike) else []
             if len(steps) > 1:
                 self._times = tuple((f"step {number}", path) for number, (path, _) in enumerate(steps))
-                self._steps = [chosen for _, chosen in steps]
+                self._steps = [options for _, options in steps]
         if self._scene_file is not None:
             made = self._scene_file.prepare(**self.options)
             self._data, self.options = (
@@ -232,11 +234,11 @@ class Shown:
         return {**options, "log": floors.pop()} if len(floors) == 1 else options
 
     def names_of_arrays(self, choice: int) -> tuple[str, ...]:
-        """Return the names of the arrays of the file of a choice; none where it has one, or is no file."""
+        """Return the names of the arrays of a choice; none where it has one, or none by name."""
         if self._scene_file is not None:
             return ()
         data = self.data(choice, 0)
-        key = os.fspath(data) if isinstance(data, str | os.PathLike) else None
+        key: object = os.fspath(data) if isinstance(data, str | os.PathLike) else id(data)
         return self._names.get(key, lambda: arrays_of(data, pick_given(OpenOptions, self.options))).names
 
     def _colored(self, choice: int, time: int, mode: str, coloring: Mapping[str, Any]) -> dict[str, Any]:
@@ -304,6 +306,9 @@ class Shown:
         opened = self._open(choice, time)
         first = self.options.get("mode") or MODES[0]
         options = self._colored(choice, time, mode or first, coloring)
+        if not options.get("slice_planes"):
+            # They are of planes that the page may show.
+            options = {name: one for name, one in options.items() if name not in OF_PLANES}
         if isinstance(opened.data, Scene):
             made = prepare(opened, **options)
             changed = made.scene if mode in (None, made.scene.mode) else _in_mode(made.scene, str(mode), options)

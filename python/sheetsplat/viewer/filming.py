@@ -12,15 +12,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sheetsplat.animation import Animation, animate, turntable
-from sheetsplat.errors import Cancelled, Error, complain
+from sheetsplat.errors import Cancelled, complain
 from sheetsplat.notices import taken
 from sheetsplat.viewer import compose
+from sheetsplat.viewer.client import Client, faults_told, tell_warnings
 from sheetsplat.viewer.protocol import FILMS
 
 if TYPE_CHECKING:
     from sheetsplat.renderer import Renderer
     from sheetsplat.scene import Scene
-    from sheetsplat.viewer.client import Client
     from sheetsplat.viewer.data import Shown
     from sheetsplat.viewer.state import State
 
@@ -128,23 +128,25 @@ class Filming:
 
         stopped = True
         try:
-            with taken() as warned, tempfile.TemporaryDirectory() as folder:
+            # The page must learn that there will be no film.
+            with faults_told(page.send), taken() as warned:
+                stopped = self._given_up(page, make, progress)
+            tell_warnings(page.send, warned)
+        finally:
+            with self._lock:
+                self._thread = None
+            page.send({"type": "filmed", "stopped": stopped})
+
+    def _given_up(self, page: Client, make: Callable[[], Order], progress: Callable[[float], bool]) -> bool:
+        """Draw a film and send it to a page; return whether it was given up."""
+        try:
+            with tempfile.TemporaryDirectory() as folder:
                 order = make()
                 path = Path(folder) / f"film.{order.kind}"
                 film_of(self._shown, order).save(path, progress=progress)
                 name = f"{order.name}.{order.kind}"
                 page.send({"type": "file", "name": name, "kind": FILMS[order.kind]}, path.read_bytes())
-                stopped = False
-            for text in dict.fromkeys(map(str, warned)):
-                page.send({"type": "warning", "text": text})
         except Cancelled:
             _log.debug("a film of the viewer was given up")
-        except Error as error:
-            page.send({"type": "error", "text": str(error)})
-        except Exception as error:  # The page must learn that there will be no film.
-            _log.exception("the viewer met an error")
-            page.send({"type": "error", "text": f"{type(error).__name__}: {error}"})
-        finally:
-            with self._lock:
-                self._thread = None
-            page.send({"type": "filmed", "stopped": stopped})
+            return True
+        return False

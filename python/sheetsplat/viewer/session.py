@@ -6,8 +6,7 @@ import json
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,14 +19,14 @@ from sheetsplat.describe.scene_file import SceneFile
 from sheetsplat.errors import Cancelled, Error, Unsupported
 from sheetsplat.fields import any_in_bricks
 from sheetsplat.image import Image
-from sheetsplat.notices import PictureWarning, taken
+from sheetsplat.notices import taken
 from sheetsplat.options.renderer import Progress
 from sheetsplat.renderer import Renderer
 from sheetsplat.scene import Scene
 from sheetsplat.viewer import compose, frames
 from sheetsplat.viewer.about import about, bars_of, frame_message, picked
 from sheetsplat.viewer.changing import state_after, unit_note
-from sheetsplat.viewer.client import Client, Deliver
+from sheetsplat.viewer.client import Client, Deliver, error_message, faults_told, tell_warnings
 from sheetsplat.viewer.code import arguments, python_code
 from sheetsplat.viewer.data import DEFAULT_QUALITY, Shown
 from sheetsplat.viewer.drawing import pictures_of, renderer_of
@@ -45,7 +44,6 @@ _PATIENCE = 1.0
 # Seconds without a change after which data in bricks are drawn: until then coarse copies alone.
 _REST = 0.15
 _BEHIND: Triple = (0.0, 0.0, 0.0)
-_LONGEST_TEXT = 2000
 # Things that pages may wait for; what is asked for beyond them is dropped.
 _MOST_JOBS = 100
 _Jobs = dict[tuple[str, int], tuple[Message, Client]]
@@ -212,7 +210,7 @@ class Session:
         if message is None:
             _log.debug("the viewer dropped a message")
             return
-        with self._faults_told():
+        with faults_told(self._tell):
             self._take(client, message)
 
     def _take(self, client: Client, message: Message) -> None:
@@ -263,7 +261,7 @@ class Session:
         try:
             state, told = state_after(self.shown, self._first, self.state, changes)
         except Error as error:
-            client.send(_error_message(str(error)))
+            client.send(error_message(str(error)))
             with self._wake:
                 self._owe_state(client)
                 self._wake.notify_all()
@@ -332,23 +330,12 @@ class Session:
                 elif not draws and self._idle_jobs:
                     job = self._idle_jobs.pop(next(iter(self._idle_jobs)))
                     self._stopped = False
-            with self._faults_told(), taken() as warned:
+            with faults_told(self._tell), taken() as warned:
                 if job is not None:
                     self._do(*job)
                 elif draws:
                     self._draw()
-            self._tell_warnings(warned)
-
-    @contextmanager
-    def _faults_told(self) -> Iterator[None]:
-        """Tell all pages of an error; one must not end the thread, or the line, that they wait for."""
-        try:
-            yield
-        except Error as error:
-            self._tell(_error_message(str(error)))
-        except Exception as error:  # A fault of the program.
-            _log.exception("the viewer met an error")
-            self._tell(_error_message(f"{type(error).__name__}: {error}"))
+            tell_warnings(self._tell, warned)
 
     def _draws(self) -> bool:
         """Return whether a picture is to be drawn, for a page that is there or expected."""
@@ -366,10 +353,6 @@ class Session:
         with self._wake:
             self._clients = [one for one in self._clients if not one.gone]
             return list(self._clients)
-
-    def _tell_warnings(self, warned: list[PictureWarning]) -> None:
-        for text in dict.fromkeys(str(one) for one in warned):
-            self._tell({"type": "warning", "text": text[:_LONGEST_TEXT]})
 
     def _superseded(self, version: int) -> bool:
         return self._closed or self._version != version
@@ -463,7 +446,7 @@ class Session:
                 self._state = self._good
                 self._version += 1
             clients = list(self._clients)
-        self._tell(_error_message(str(error)))
+        self._tell(error_message(str(error)))
         if back:
             self._tell_state(clients)
 
@@ -503,7 +486,7 @@ class Session:
         try:
             actions[message.type](client, **message.parts)
         except Error as error:
-            client.send(_error_message(str(error)))
+            client.send(error_message(str(error)))
 
     def _tell_state(self, clients: list[Client]) -> None:
         state = self.state
@@ -529,7 +512,7 @@ class Session:
             owed = [key for key in self._jobs if key[0] == "state"] if self._version == self._drawn else []
             clients = [self._jobs.pop(key)[1] for key in owed]
         if clients:
-            with self._faults_told():
+            with faults_told(self._tell):
                 self._tell_state(clients)
 
     def _do_pick(self, client: Client, x: float, y: float, purpose: str) -> None:
@@ -588,9 +571,5 @@ class Session:
         except (Cancelled, Unsupported) as error:
             stopped = True
             if isinstance(error, Unsupported):
-                client.send(_error_message(str(error)))
+                client.send(error_message(str(error)))
         client.send({"type": "measured", "what": what, "stopped": stopped})
-
-
-def _error_message(text: str) -> dict[str, Any]:
-    return {"type": "error", "text": text[:_LONGEST_TEXT]}

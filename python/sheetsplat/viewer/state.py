@@ -326,7 +326,7 @@ _COLOR, _OPEN_COLOR = Sequence[float] | str, Sequence[float] | str | None
 #: Options of `Scene` that a page changes as they are.
 OF_SCENES = (
     *("scalar_colors", "lights", "material", "shadows", "ambient_occlusion", "gradient_opacity", "clip"),
-    "slice_planes",
+    *("slice_planes", "cut_faces"),
 )
 #: What the page draws over the picture, and whether it does unless that was changed.
 SHOWS = {"box": False, "directions": True, "bars": True, "scale": False}

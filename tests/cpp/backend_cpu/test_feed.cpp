@@ -447,9 +447,9 @@ TEST(TileLoop, AsksAfterEverySliceAndEndsWhereItIsTold) {
     profile.root_falloff = static_cast<float>(std::sqrt(field->kernel().falloff));
     profile.weight_channel = 1;
     setup.parts = {profile};
-    setup.channels = 2;
     GroupSheets<float> sheets;
-    sheets.weight_channel = 1;
+    sheets.rho_channel = sheets.take(setup.channels, 1);
+    sheets.weight_channel = sheets.take(setup.channels, 1);
     sheets.threshold = true;
     setup.groups = {sheets};
     setup.first_depth = drawing.frame().first_depth;

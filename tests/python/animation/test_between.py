@@ -7,6 +7,7 @@ from command_line import run
 
 import sheetsplat as ss
 from sheetsplat.io.particle_motion import age, read_motion
+from sheetsplat.quantity import time_of, time_text
 
 COUNT = 150
 CAMERA = ss.Camera.orthographic((0, 0, 50), (0, 0, 0), height=7)
@@ -171,7 +172,41 @@ def test_the_time_of_cosmological_runs(tmp_path):
     write(tmp_path / "a.hdf5", 0.25, np.full((1, 3), 500.0), np.full((1, 3), 100.0), [0], header)
     motion = read_motion(tmp_path / "a.hdf5")
     assert motion.velocities[0, 0] == pytest.approx(100e5 * 0.25**0.5 / (3.0857e21 * 0.25 / 0.7), rel=1e-6)
-    assert motion.time == pytest.approx(age(0.25, 0.7, 0.3, 0.7))
+    assert motion.time == pytest.approx(age(0.25, 0.7, 0.3, 0.7)) and motion.unit == "s"
+
+
+def test_figures_of_frames_tell_their_time(tmp_path):
+    first, last = snapshot(0.0), snapshot(1.0)
+    timed = [ss.Snapshot(one.field, one.ids, one.velocities, one.time, "Myr") for one in (first, last)]
+    film = ss.animate(timed, between=3, **LOOK)
+    times = [one.recipe.fields[0].quantity.time for one in film]
+    assert times == ["t = 0 Myr", "t = 0.25 Myr", "t = 0.5 Myr", "t = 0.75 Myr", "t = 1 Myr"]
+    assert first.towards(last, 0.5).quantity.time == "t = 0.5"
+    pytest.importorskip("matplotlib", reason="matplotlib is not installed")
+    assert film[1].to_axes().get_title() == "t = 0.25 Myr"
+    # Whoever gives a title has that.
+    assert film[1].to_axes(title="$x$").get_title() == "$x$" and film[1].to_axes(title="").get_title() == ""
+    assert film[1].annotated().size[1] > film[1].annotated(title="").size[1]
+    # Files of the same.
+    for n, path in enumerate((tmp_path / "0.hdf5", tmp_path / "1.hdf5")):
+        write(path, 0.8 * n, *orbits(0.8 * n, np.random.default_rng(5)), np.arange(COUNT))
+    film = ss.animate([tmp_path / "0.hdf5", tmp_path / "1.hdf5"], between=1, **LOOK)
+    assert [one.recipe.fields[0].quantity.time for one in film] == ["t = 0", "t = 0.4", "t = 0.8"]
+    film.save(tmp_path / "film")
+    assert ss.Recipe.read(tmp_path / "film" / "frame_0001.png").fields[0].quantity.time == "t = 0.4"
+    with pytest.raises(ss.InvalidInput, match="unit.*wanted a printable text"):
+        ss.Snapshot(first.field, first.ids, first.velocities, 0.0, 3)
+
+
+def test_times_as_texts():
+    year = 365.25 * 86400
+    assert time_text(0.1 + 0.2) == "t = 0.3" and time_text(12.0, "s") == "t = 12 s"
+    assert time_text(13.8e9 * year, "s") == "t = 13.8 Gyr" and time_text(2.5e6 * year, "s") == "t = 2.5 Myr"
+    assert time_text(13.8e9 * year, "days") == "t = 4.3549e+17 days"
+    quantities = [ss.Quantity(time="t = 1"), ss.Quantity(), ss.Quantity(time="t = 1")]
+    assert time_of(quantities) == "t = 1" and time_of([*quantities, ss.Quantity(time="t = 2")]) == ""
+    with pytest.raises(ss.InvalidInput, match="Quantity: time"):
+        ss.Quantity(time="a\nb")
 
 
 def test_what_is_refused(tmp_path):

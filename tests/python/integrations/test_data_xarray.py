@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 import warnings
 
@@ -85,6 +86,46 @@ def test_dates_are_no_axis():
         ss.open(array(dims=("time", "y", "x")).assign_coords(time=dates))
     one = array(dims=("time", "y", "x")).assign_coords(time=dates).isel(time=[0])
     assert ss.open(one).shape == (1, 6, 7)
+
+
+STEPS = {
+    "dates": (
+        np.array(["2020-01-31T06:00", "2020-02-01T00:00:30"], "datetime64[ns]"),
+        {},
+        "2020-01-31 06:00",
+        "2020-02-01 00:00:30",
+    ),
+    "hours": ([6.0, 24.5], {"units": "hours since 2000-02-28 12:00:00"}, "2000-02-28 18:00", "2000-02-29 12:30"),
+    "days": (
+        [0, 366],
+        {"units": "days since 1999-12-31", "calendar": "standard"},
+        "1999-12-31 00:00",
+        "2000-12-31 00:00",
+    ),
+    "other calendars": (
+        [3, 4],
+        {"units": "days since 2000-01-01", "calendar": "360_day"},
+        "time = 3 days",
+        "time = 4 days",
+    ),
+    "seconds": ([0.5, 2.0], {"units": "s"}, "time = 0.5 s", "time = 2 s"),
+    "plain": ([1, 2], {}, "time = 1", "time = 2"),
+    "nonsense": ([1, 2], {"units": "hours since 2000-99-01"}, "time = 1 hours", "time = 2 hours"),
+    "texts": (["a", "b"], {}, "", ""),
+}
+
+
+@pytest.mark.parametrize("kind", STEPS)
+def test_frames_tell_their_time(kind, tmp_path):
+    places, told, *expected = STEPS[kind]
+    both = xr.concat([array(), 2 * array()], xr.Variable("time", places, told))
+    both["time"].attrs.update(told)
+    film = ss.animate(both, size=16, backend="cpu")
+    assert [one.recipe.fields[0].quantity.time for one in film] == expected
+    if kind in ("hours", "seconds") and importlib.util.find_spec("h5netcdf"):
+        both.rename("air").to_netcdf(tmp_path / "air.nc", engine="h5netcdf")
+        film = ss.animate(tmp_path / "air.nc", size=16, backend="cpu")
+        assert [one.recipe.fields[0].quantity.time for one in film] == expected
 
 
 def test_numbers_of_dimensions():

@@ -10,6 +10,7 @@ import pytest
 from command_line import run
 
 import sheetsplat as ss
+from sheetsplat.color_bar import color_bars
 
 # More samples than any memory has: whoever reads one of them fails.
 HUGE = (60_000, 60_000, 60_000)
@@ -105,6 +106,21 @@ def test_each_name_opens_its_array(tmp_path):
         np.testing.assert_array_equal(ss.open(path, name=one).values, given[one])
     np.save(tmp_path / "one.npy", given["a"])
     assert ss.io.arrays(tmp_path / "one.npy") == ss.io.Names()
+
+
+def test_arrays_of_numpy_are_called_by_their_names(tmp_path):
+    values = np.random.default_rng(1).random((8, 9, 10))
+    np.savez(tmp_path / "two.npz", density=values, speed=values)
+    np.savez(tmp_path / "one.npz", values)
+    assert ss.open(tmp_path / "two.npz", name="speed").name == "speed"
+    (bar,) = color_bars(ss.render(tmp_path / "two.npz", name="speed", size=8))
+    assert bar.label == "speed"
+    # A number that nobody gave is no name.
+    assert ss.open(tmp_path / "one.npz").name == ""
+    np.save(tmp_path / "x.npy", values)
+    with zipfile.ZipFile(tmp_path / "odd.npz", "w") as archive:
+        archive.writestr("a\x1b[31mb.npy", (tmp_path / "x.npy").read_bytes())
+    assert "\x1b" not in ss.open(tmp_path / "odd.npz").name
 
 
 def test_images_of_a_group_are_chosen_by_name(tmp_path):

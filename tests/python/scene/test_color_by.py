@@ -25,11 +25,22 @@ def kernels(seed):
     return ss.EllipsoidField(rng.uniform(3, 13, (60, 3)), rng.uniform(1, 4, 60), values=rng.random(60))
 
 
+def twins():
+    """Two fields of the same kernels, turned ellipsoids with weights, one of them 0."""
+    rng = np.random.default_rng(3)
+    turns = rng.normal(size=(60, 4))
+    shapes = {"scales": rng.uniform(1, 4, (60, 3)), "rotations": turns / np.linalg.norm(turns, axis=1)[:, None],
+              "weights": np.append(0.0, rng.uniform(0.5, 2, 59))}  # fmt: skip
+    places = rng.uniform(3, 13, (60, 3))
+    return tuple(ss.EllipsoidField(places, values=values, **shapes) for values in rng.random((2, 60)) + [[0], [1e3]])
+
+
 GIVERS = {
     "like it": lambda: (ss.RegularField(BALL), ss.RegularField(WAVE)),
     "prefiltered": lambda: (ss.RegularField(BALL, prefilter=True), ss.RegularField(WAVE, prefilter=True)),
     "ends elsewhere": lambda: (ss.RegularField(BALL), ss.RegularField(WAVE[:, :9], spacing=(0.9, 1.1, 1.0))),
     "kernels": lambda: (kernels(1), kernels(2)),
+    "values of the same kernels": twins,
     "kernels in a volume": lambda: (ss.RegularField(BALL), kernels(2)),
     "two that add up": lambda: (ss.RegularField(BALL), [ss.RegularField(0.5 * WAVE), ss.RegularField(0.5 * WAVE)]),
 }
@@ -40,6 +51,8 @@ WAYS = {
     "surfaces": {"mode": "isosurface", "iso_value": [(0.3, 0.4), (0.6, 0.5)]},
     "preintegrated": {"lights": [LIGHT], "preintegration": True},
     "slabs": {"sampling": "slab"},
+    "slopes": {"lights": [LIGHT], "gradient": "analytic"},
+    "filtered": {"lights": [LIGHT], "filter": "ewa"},
 }
 
 
@@ -58,6 +71,41 @@ def test_backends_are_the_reference(name, way, backend):
     # It gives colours, and nothing else.
     own = ss.Renderer("reference").render(scene.replace(color_by=None), view(), (30, 26)).rgba
     assert np.abs(own[..., :3] - expected[..., :3]).max() > 0.1 and np.array_equal(own[..., 3], expected[..., 3])
+
+
+@pytest.mark.parametrize("way", ["lit", "surface", "preintegrated", "slabs"])
+def test_kernels_that_differ_in_values_alone_are_drawn_once(way):
+    """The processor draws as many sections as without colours; one that has moved by a bit draws those of both."""
+    rng = np.random.default_rng(5)
+    places, radii = rng.uniform(3, 13, (80, 3)), rng.uniform(1, 3, 80)
+    field, giver = (ss.EllipsoidField(places, radii, values=rng.random(80)) for _ in range(2))
+    moved = places.copy()
+    moved[7, 1] = np.nextafter(moved[7, 1], 20.0)
+    other = ss.EllipsoidField(moved, radii, values=giver.values)
+
+    def drawn(colors):
+        scene = ss.Scene(field, [(0, 1, 1, 1, 0.1), (1, 1, 1, 1, 0.4)], color_by=colors, **WAYS[way])
+        return ss.Renderer("cpu").render(scene, view(), (30, 26))
+
+    plain, once, twice = drawn(None), drawn((giver, TURBO)), drawn((other, TURBO))
+    assert plain.stats["sections_drawn"] == once.stats["sections_drawn"]
+    assert twice.stats["sections_drawn"] == 2 * plain.stats["sections_drawn"]
+    assert np.array_equal(once.rgba[..., 3], plain.rgba[..., 3])
+    assert np.abs(once.rgba - twice.rgba).max() < 1e-5 < np.abs(once.rgba - plain.rgba).max()
+
+
+def test_views_of_kernels_drawn_once_follow_their_colours():
+    """What was sorted for a picture is not taken for one that other kernels show in, or that is drawn otherwise."""
+    field, giver = twins()
+    low, high = ([(0, 1, 1, 1, 0), (start, 1, 1, 1, 0), (1, 1, 1, 1, 0.4)] for start in (0.2, 0.6))
+    scenes = [ss.Scene(field, function, **options) for function in (low, high) for options in (
+        {}, {"color_by": (giver, TURBO)}, {"color_by": (giver, TURBO), **WAYS["slopes"]},
+        {"color_by": (giver, TURBO), **WAYS["filtered"]})]  # fmt: skip
+    renderer = ss.Renderer("cpu")
+    for scene in scenes + scenes[::-1]:
+        assert np.array_equal(
+            renderer.render(scene, view(), (30, 26)).rgba, ss.Renderer("cpu").render(scene, view(), (30, 26)).rgba
+        )
 
 
 def test_the_law_by_plain_arithmetic():
@@ -143,6 +191,9 @@ def test_the_command_line_takes_arrays_and_files(tmp_path):
         recipe = Recipe.read(made)
         assert recipe.transfer_functions == image.recipe.transfer_functions and recipe.colors == image.recipe.colors
         assert recipe.colors != ()
+    run("render", tmp_path / "ball.npy", "-o", made, "--color-by", tmp_path / "wave.npy", "--color-map", "0:red,1:blue")
+    (_, colors), *_ = Recipe.read(made).colors
+    np.testing.assert_allclose(colors.at([0.0, 0.5, 1.0])[:, :3], [(1, 0, 0), (0.5, 0, 0.5), (0, 0, 1)], atol=0.01)
 
 
 def test_files_of_several_channels_are_refused(tmp_path):

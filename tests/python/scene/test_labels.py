@@ -7,30 +7,12 @@ import pickle
 
 import numpy as np
 import pytest
+from labelled_volumes import COLORS, LIGHT, OPAQUE, things, view
 
 import sheetsplat as ss
 from sheetsplat.color_bar import color_bars
 from sheetsplat.describe.recipe import Recipe
 from sheetsplat.fields.labelled import look_like_labels
-
-LIGHT = ss.Light((0.3, 0.5, 1.0))
-COLORS = ss.LabelColors({1: (1, 0.2, 0.2, 0.4), 2: (0.2, 1, 0.2, 0.4), 3: (0.3, 0.4, 1, 0.4)}, names={2: "box"})
-OPAQUE = ss.LabelColors({one: rgba[:3] for one, rgba in COLORS.colors.items()})
-
-
-def things():
-    """Return a sphere of two halves, 1 and 3, and a box, 2, that reaches the end of the volume."""
-    k, j, i = np.mgrid[0:13, 0:15, 0:17]
-    ball = (k - 5.3) ** 2 + (j - 6.6) ** 2 + (i - 8.2) ** 2 < 23
-    labels = np.zeros(k.shape, np.uint8)
-    labels[ball] = np.where(i[ball] > 8, 3, 1)
-    labels[(k > 8) & (j < 6) & (i < 7)] = 2
-    return labels
-
-
-def view(**options):
-    lattice = ss.RegularField(things().astype(np.float32))
-    return ss.Camera.fit(lattice, direction=(1, 0.6, 0.4), up=(0, 0, 1), **options)
 
 
 def weights(values, label, points, radius=2.0, falloff=5.0):
@@ -256,7 +238,6 @@ BAD = {
     "colours to 255": (lambda: ss.LabelColors({1: (255, 0, 0)}), "from 0 to 1"),
     "beyond 41 bits": (lambda: ss.LabelColors({2**40: "red"}), "number them anew"),
     "labels of colours": (lambda: ss.RegularField(np.zeros((3, 3, 3, 3), np.uint8), labels=True), "three axes"),
-    "bricks": (lambda: ss.open_bricks(things(), labels=True), "bricks"),
 }
 
 
@@ -313,3 +294,35 @@ def test_figures_have_a_legend_of_labels():
     many = ss.LabelColors.distinct(range(1, 120))
     shown = ss.render(ss.RegularField(things(), labels=True), transfer_function=many, size=20)
     assert 20 < len(color_bars(shown)[0].names) <= 40
+
+
+def test_corners_of_a_cell_outweigh_all_other_kernels():
+    """So that a label shows in no cell whose corners are all of another one, and the background is drawn no farther."""
+    at = np.stack(np.meshgrid(*3 * [np.linspace(0, 1, 21)], indexing="ij"), axis=-1)
+    offsets = np.stack(np.meshgrid(*3 * [np.arange(-2, 4)], indexing="ij"), axis=-1).reshape(-1, 3)
+    weights = [np.maximum(0, np.exp(-1.25 * ((at - one) ** 2).sum(axis=-1)) - np.exp(-5)) for one in offsets]
+    corners = sum(one for one, offset in zip(weights, offsets, strict=True) if set(offset) <= {0, 1})
+    assert ((2 * corners - sum(weights)) / sum(weights)).min() > 0.1
+
+
+def test_the_background_is_drawn_around_cells_of_labels():
+    size, radius = 24, 5
+    places = np.stack(np.meshgrid(*3 * [np.arange(size)], indexing="ij"), axis=-1)
+    ball = ((places - size // 2) ** 2).sum(axis=-1) <= radius**2
+    near = np.zeros(ball.shape, bool)
+    for offset in np.stack(np.meshgrid(*3 * [np.arange(-4, 5)], indexing="ij"), axis=-1).reshape(-1, 3):
+        # From the box of all cells around a sample of the label on.
+        if (np.maximum(np.abs(offset) - 1, 0) ** 2).sum() < 4:
+            near |= np.roll(ball, tuple(offset), axis=(0, 1, 2))
+    field = ss.RegularField(ball.astype(np.uint8), labels=True)
+    scene = ss.Scene(field, ss.LabelColors({1: (1, 0, 0)}), slice_spacing=1.0)
+    camera = ss.Camera.fit(field, direction=(1, 0.7, 0.3))
+    pictures = [ss.Renderer(one).render(scene, camera, (40, 40)) for one in ("reference", "cpu")]
+    assert pictures[1].stats["kernels_visible"] == near.sum()
+    assert np.abs(pictures[0].rgba - pictures[1].rgba).max() < 2e-5 < pictures[0].rgba.max()
+    # Where a third label is no more shown than the background, two of them may share a cell's corners.
+    parted = np.where(ball, 1, np.where(places[..., 0] < size // 2, 0, 2)).astype(np.uint8)
+    two = ss.Scene(ss.RegularField(parted, labels=True), ss.LabelColors({1: (1, 0, 0)}), slice_spacing=1.0)
+    pictures = [ss.Renderer(one).render(two, camera, (40, 40)) for one in ("reference", "cpu")]
+    assert pictures[1].stats["kernels_visible"] > near.sum()
+    assert np.abs(pictures[0].rgba - pictures[1].rgba).max() < 2e-5

@@ -71,6 +71,8 @@ def random_scene(seed: int) -> tuple[ss.Scene, ss.Camera, tuple[int, int]]:
     field, other = random_field(rng), random_field(rng)
     if rng.random() < 0.3 and isinstance(field, ss.RegularField):
         other = ss.RegularField(rng.random(field.shape).astype(np.float32))
+    if isinstance(field, ss.EllipsoidField) and rng.random() < 0.6:
+        other = ss.EllipsoidField(field.centers, field.scales, values=rng.random(len(field.values)) - 0.3)
     mode = str(rng.choice(["composite", "isosurface"]))
     options: dict[str, Any] = {"mode": mode}
     low, high = field.value_range

@@ -14,6 +14,8 @@ from sheetsplat.cli.main import main
 from sheetsplat.color_bar import color_bars
 from sheetsplat.figure import plane_text
 from sheetsplat.picking import Pick
+from sheetsplat.planes_in_view import PlanesInView
+from sheetsplat.tiles import window
 
 SIDE, RADIUS, FALLOFF = 4.0, 7.0, 8.0
 SIZE = (48, 40)
@@ -39,14 +41,19 @@ def value_at(points):
     return np.maximum(0, (np.exp(-FALLOFF * squared) - np.exp(-FALLOFF)) / (1 - np.exp(-FALLOFF)))
 
 
-def rays(camera):
-    """Return positions at depth 0, and what is added for each unit of depth, (h, w, 3), written down once more."""
+def rays(camera, columns=None, rows=None):
+    """Return positions at depth 0, and what is added for each unit of depth, (h, w, 3), written down once more.
+
+    Of the middles of pixels unless other places are given, whole numbers at the middles.
+    """
     width, height = SIZE
+    columns = np.arange(width) if columns is None else columns
+    rows = np.arange(height) if rows is None else rows
     back = np.subtract(camera.eye, camera.target) / np.linalg.norm(np.subtract(camera.eye, camera.target))
     right = np.cross(camera.up, back) / np.linalg.norm(np.cross(camera.up, back))
     up = np.cross(back, right)
-    x = (np.arange(width) + 0.5 - width / 2)[None, :, None] / height
-    y = -(np.arange(height) + 0.5 - height / 2)[:, None, None] / height
+    x = (columns + 0.5 - width / 2)[None, :, None] / height
+    y = -(rows + 0.5 - height / 2)[:, None, None] / height
     if camera.kind == "orthographic":
         start = np.asarray(camera.eye) + camera.height * (x * right + y * up)
         return start, np.broadcast_to(-back, start.shape)
@@ -62,18 +69,86 @@ def drawn(function, planes, camera=ALONG_Z, outputs=(), field=None, **options):
 @pytest.mark.parametrize("camera", [ORTHOGRAPHIC, PERSPECTIVE], ids=["orthographic", "perspective"])
 def test_a_tilted_plane_shows_the_values_of_a_kernel(camera):
     image = drawn(CLEAR, TILTED, camera, ("depth",))
-    start, along = rays(camera)
-    depths = (0.9 - start @ (3, -1, 2)) / (along @ (3, -1, 2))
-    points = start + depths[..., None] * along
-    inside = (np.abs(points) < SIDE).all(axis=-1)
+
+    def at(columns, rows):
+        start, along = rays(camera, columns, rows)
+        depths = (0.9 - start @ (3, -1, 2)) / (along @ (3, -1, 2))
+        points = start + depths[..., None] * along
+        inside = (np.abs(points) < SIDE).all(axis=-1)
+        return points, np.where(inside, depths, np.inf), inside, np.where(inside, value_at(points), 0)
+
+    columns, rows = np.arange(SIZE[0]), np.arange(SIZE[1])
+    points, depths, inside, values = at(columns, rows)
     assert 300 < inside.sum() < 0.7 * inside.size
-    np.testing.assert_array_equal(image.rgba[..., 3], inside)
-    np.testing.assert_allclose(image.rgba[..., 1], np.where(inside, value_at(points), 0), atol=1e-3)
-    np.testing.assert_allclose(image.depth, np.where(inside, depths, np.inf), rtol=1e-6)
+    quarters = [at(columns + a, rows + b)[2:] for a in (-0.25, 0.25) for b in (-0.25, 0.25)]
+    beside = [at(columns + a, rows + b)[2:] for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1))]
+    closer = sum((one != inside) | (np.abs(shown - values) > 1 / 16) for one, shown in beside) > 0
+    assert 0.05 < closer.mean() < 0.5
+    means = [sum(found) / 4 for found in zip(*quarters, strict=True)]
+    expected = [np.where(closer, found, own) for own, found in zip((inside, values), means, strict=True)]
+    assert (np.abs(expected[0] - inside) > 0.2).sum() > 20
+    np.testing.assert_array_equal(image.rgba[..., 3], expected[0])
+    np.testing.assert_allclose(image.rgba[..., 1], expected[1], atol=1e-3)
+    np.testing.assert_allclose(image.depth, depths, rtol=1e-6)
     row, column = np.argwhere(inside)[200]
     found = image.pick(column, row)
     np.testing.assert_allclose(found.position, points[row, column], atol=1e-9)
     assert found.value == pytest.approx(value_at(points[row, column]), abs=1e-9) and found.opacity == 1.0
+
+
+def test_planes_have_as_many_samples_as_the_picture():
+    scene = ss.Scene(one_kernel(), CLEAR, slice_planes=TILTED, supersampling=2)
+    image = ss.Renderer("cpu").render(scene, PERSPECTIVE, SIZE, ("depth",))
+    columns, rows = np.arange(SIZE[0]), np.arange(SIZE[1])
+    alpha, green = np.zeros(SIZE[::-1]), np.zeros(SIZE[::-1])
+    for a, b in itertools.product((-0.25, 0.25), repeat=2):
+        start, along = rays(PERSPECTIVE, columns + a, rows + b)
+        points = start + ((0.9 - start @ (3, -1, 2)) / (along @ (3, -1, 2)))[..., None] * along
+        inside = (np.abs(points) < SIDE).all(axis=-1)
+        alpha, green = alpha + inside / 4, green + np.where(inside, value_at(points), 0) / 4
+    assert ((alpha > 0) & (alpha < 1)).sum() > 30
+    np.testing.assert_array_equal(image.rgba[..., 3], alpha)
+    np.testing.assert_allclose(image.rgba[..., 1], green, atol=1e-3)
+
+
+@pytest.mark.parametrize("backend", ["cpu", "gl"])
+def test_ends_of_planes_in_a_volume_have_the_mean_of_their_pixel(backend, monkeypatch):
+    """What is in front of a plane, and of what is behind its end, is drawn down to each."""
+    planes = [ss.SlicePlane((1, 0, 0.2), 0.3, clim=(0, 1)), ss.SlicePlane((0.1, 1, 0), 1, clim=(0, 1))]
+    scene = ss.Scene(one_kernel(), [(0.0, 1, 0, 0, 0.05), (1, 1, 0.5, 0, 0.3)], slice_planes=planes, background="white")
+    renderer = ss.Renderer(backend)
+    image = renderer.render(scene, PERSPECTIVE, SIZE)
+    many = renderer.render(scene.replace(supersampling=8), PERSPECTIVE, SIZE)
+    quarters = PlanesInView.of(scene, PERSPECTIVE, SIZE, None).quarters
+    at = tuple(one[quarters.is_split] for one in quarters.at)
+    assert 60 < len(at[0]) < 500
+    error = np.sqrt(np.mean((image.rgba[at] - many.rgba[at]) ** 2))
+    assert error < 0.04
+    # One depth for all of such a pixel is farther off.
+    monkeypatch.setattr(ss.Renderer, "_second", lambda *_: None)
+    alone = renderer.render(scene, PERSPECTIVE, SIZE)
+    assert np.sqrt(np.mean((alone.rgba[at] - many.rgba[at]) ** 2)) > 1.5 * error
+    rest = np.ones(SIZE[::-1], bool)
+    rest[at] = False
+    np.testing.assert_array_equal(alone.rgba[rest], image.rgba[rest])
+
+
+def test_planes_in_a_part_of_a_picture_are_those_of_the_whole():
+    whole = drawn(GLASS, TILTED, PERSPECTIVE)
+    scene = ss.Scene(one_kernel(), GLASS, slice_planes=TILTED)
+    part = ss.Renderer("cpu").render(scene, window(PERSPECTIVE, SIZE, (11, 7), (20, 16)), (20, 16))
+    np.testing.assert_allclose(part.rgba, whole.rgba[7:23, 11:31], atol=1e-6)
+
+
+def test_a_goal_decides_for_both_pictures():
+    scene = ss.Scene(one_kernel(), GLASS, slice_planes=TILTED)
+    shares = []
+    image = ss.Renderer("cpu", max_error=1e-3).render(scene, PERSPECTIVE, SIZE, progress=lambda one: shares.append(one))
+    exact = ss.Renderer("cpu").render(scene.replace(slice_spacing=0.02, opacity_stop=1), PERSPECTIVE, SIZE)
+    assert image.settings and np.sqrt(np.mean((image.rgba - exact.rgba) ** 2)) < 1e-3
+    assert shares == sorted(shares) and shares[-1] == 1.0 and min(shares) < 0.5
+    with pytest.raises(ss.Cancelled):
+        ss.Renderer("cpu").render(scene, PERSPECTIVE, SIZE, progress=lambda share: share < 0.8)
 
 
 @pytest.mark.parametrize("options", [{}, {"mode": "isosurface", "iso_value": 0.7}], ids=["composite", "isosurface"])
@@ -188,6 +263,38 @@ def test_a_picture_says_its_planes_and_is_made_again(tmp_path):
     word = ss.SceneFile.parse('format = 1\n[look]\nslice_planes = "orthogonal"\n')
     assert word.render(CUBE, size=16).recipe.options["slice_planes"][1].offset == 5.5
     assert json.loads(ss.Recipe.read(picture).to_json())["scene"]["slice_planes"][0]["offset"] == 6
+
+
+def test_colours_of_planes_that_have_none_of_their_own(tmp_path):
+    options = {"opacity": 0, "direction": (0, 0, -1), "up": "y", "size": SIZE}
+    own = ss.SlicePlane((0, 0, 1), cmap="viridis", clim=(0, 0.5))
+    expected = ss.render(CUBE, slice_planes=own, **options)
+    given = ss.render(CUBE, slice_planes=ss.SlicePlane((0, 0, 1)), slice_cmap="viridis", slice_clim=(0, 0.5), **options)
+    np.testing.assert_array_equal(given.rgba, expected.rgba)
+    assert given.recipe.options["slice_planes"] == expected.recipe.options["slice_planes"]
+    kept = ss.render(CUBE, slice_planes=own, slice_cmap="magma", slice_clim=(0, 9), **options)
+    np.testing.assert_array_equal(kept.rgba, expected.rgba)
+    gray = ss.render(CUBE, slice_planes=ss.SlicePlane((0, 0, 1)), **options).recipe.options["slice_planes"][0]
+    assert gray.cmap == "gray" and gray.clim == pytest.approx((CUBE.min(), CUBE.max()))
+    np.save(tmp_path / "cube.npy", CUBE)
+    common = [str(tmp_path / "cube.npy"), "--size", "48x40", "--opacity", "0", "--slice-plane", "0,0,1,5.5"]
+    colors = (
+        (["--slice-cmap", "viridis", "--slice-clim", "0,0.5"], "viridis", (0, 0.5)),
+        (["--slice-cmap", "0:black,0.5:red"], ((0, 0, 0), (1, 0, 0)), (0, 0.5)),
+    )
+    for flags, cmap, clim in colors:
+        picture = tmp_path / "a.png"
+        done = click.testing.CliRunner().invoke(main, ["render", *common, *flags, "-o", str(picture)])
+        assert done.exit_code == 0, done.output
+        (plane,) = ss.Recipe.read(picture).options["slice_planes"]
+        assert plane.clim == clim and (plane.cmap == cmap or (plane.cmap[0][:3], plane.cmap[-1][:3]) == cmap)
+
+
+def test_colours_of_planes_that_are_not_there_are_told():
+    with pytest.warns(ss.PictureWarning, match="slice_cmap changes nothing without slice_planes="):
+        ss.render(CUBE, slice_cmap="viridis", size=8)
+    with pytest.raises(ss.InvalidInput, match="its colours cannot be used.*the lower one first"):
+        ss.render(CUBE, slice_planes="orthogonal", slice_clim=(2, 1), size=8)
 
 
 def test_a_figure_says_where_planes_are():

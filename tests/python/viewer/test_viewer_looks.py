@@ -127,6 +127,55 @@ def test_another_array_gives_the_colors(opened, tmp_path):
     assert not any(session.scene().color_by)
 
 
+def data_set(heat, density):
+    xarray = pytest.importorskip("xarray", reason="xarray is not installed")
+    axes = {name: np.arange(14.0) for name in "zyx"}
+    arrays = {"density": (tuple("zyx"), density), "heat": (tuple("zyx"), heat), "times": (("z",), np.arange(14.0))}
+    return xarray.Dataset(arrays, coords=axes)
+
+
+def image_of_vtk(heat, density):
+    pyvista = pytest.importorskip("pyvista", reason="PyVista is not installed")
+    made = pyvista.ImageData(dimensions=(14, 14, 14))
+    made["heat"], made["density"] = heat.ravel(), density.ravel()
+    made.set_active_scalars("density")
+    return made
+
+
+def points_of_vtk(heat, density):
+    pyvista = pytest.importorskip("pyvista", reason="PyVista is not installed")
+    made = pyvista.PolyData(np.random.default_rng(1).random((80, 3)))
+    made["density"], made["heat"] = density.ravel()[1000:1080], heat.ravel()[:80]
+    made.set_active_scalars("density")
+    return made
+
+
+def table(heat, density):
+    columns = dict(zip("xyz", np.random.default_rng(1).random((3, 80)), strict=True))
+    return {**columns, "density": density.ravel()[1000:1080], "heat": heat.ravel()[:80], "radius": np.full(80, 0.2)}
+
+
+@pytest.mark.parametrize("make", [data_set, image_of_vtk, points_of_vtk, table])
+def test_arrays_of_other_libraries_are_chosen_and_give_the_colors(opened, make):
+    density, heat = volume(n=14), np.ascontiguousarray(volume(0.4, n=14).T)
+    data = make(heat, density)
+    session = opened(data)
+    page = Page(session)
+    told = page.wait("state")[0]
+    assert told["data"]["names"][:2] == told["data"]["color_names"][:2] == ["density", "heat"]
+    assert "times" not in told["data"]["names"] and told["state"]["color_by"] is None
+    first, _ = settled(page)
+    alone = session.scene()
+    assert alone.fields[0].quantity.name == "density"
+    picture, state = drawn(page, color_by="heat")
+    assert not np.array_equal(picture, first) and state["color_by"] == "heat"
+    assert session.scene().color_by[0][0][0].quantity.name == "heat"
+    assert np.array_equal(made_by(session.code(), data, size=SIZE).rgba, session.picture().rgba)
+    other, _ = drawn(page, choice=1)
+    assert session.scene().fields[0].quantity.name == "heat" and not np.array_equal(other, picture)
+    assert np.array_equal(made_by(session.code(), data, size=SIZE).rgba, session.picture().rgba)
+
+
 def test_slice_planes_are_shown_and_undone(opened):
     session = opened()
     page = Page(session)
@@ -135,12 +184,67 @@ def test_slice_planes_are_shown_and_undone(opened):
     assert not np.array_equal(drawn(page, slice_planes=planes)[0], first)
     assert session.scene().options["slice_planes"] == (
         ss.SlicePlane((0, 0, 1), 6.5, cmap="magma"),
-        ss.SlicePlane((1, 1, 0)),
+        ss.SlicePlane((1, 1, 0), cmap="gray"),
     )
     assert np.array_equal(made_by(session.code(), volume(), size=SIZE).rgba, session.picture().rgba)
     assert np.array_equal(drawn(page)[0], first)
     page.set(slice_planes=[{"normal": [0, 0, 0]}])
     assert "a finite normal" in page.wait("error")[0]["text"]
+
+
+def test_labels_beside_a_surface_have_their_list(opened):
+    fields = [ss.RegularField(volume(n=14)), labelled()]
+    session = opened(fields, mode="isosurface")
+    page = Page(session)
+    first, state = settled(page)
+    assert state["looks"][0] is None and [row[0] for row in state["looks"][1]["labels"]] == [1, 2, 3]
+    hidden, state = drawn(page, look={"group": 1, "labels": {"1": {"shown": False}}})
+    assert not np.array_equal(hidden, first) and state["looks"][1]["labels"][0][4] is False
+    surfaces = [{"value": 0.4, "opacity": 0.5, "color": "#ff0000"}]
+    both, state = drawn(page, surfaces=surfaces)
+    assert not np.array_equal(both, hidden) and state["surfaces"][0]["value"] == 0.4
+    of_labels = session.scene().transfer_functions[1]
+    assert isinstance(of_labels, ss.LabelColors) and 1 not in of_labels.colors and 2 in of_labels.colors
+    image = made_by(session.code(), fields, size=SIZE)
+    assert np.array_equal(image.rgba, session.picture().rgba)
+    # What was changed of the volume in another mode comes back with that.
+    drawn(page, look={"group": 0, "cmap": "gray"})
+    assert np.array_equal(drawn(page)[0], both)
+
+
+def test_cut_faces_are_switched(opened):
+    session = opened(shading=True)
+    page = Page(session)
+    first, state = settled(page)
+    assert state["cut_faces"] is True
+    without, _ = drawn(page, cut_faces=False)
+    assert session.scene().options["cut_faces"] is False and not np.array_equal(without, first)
+    # Whoever switched them off keeps that where the data are cut.
+    clip = {"planes": [[[0, 0, 1], 6.0]], "box": None}
+    drawn(page, clip=clip)
+    assert session.scene().options["cut_faces"] is False
+    assert np.array_equal(made_by(session.code(), volume(), size=SIZE).rgba, session.picture().rgba)
+    centres = np.random.default_rng(2).uniform(0, 9, (40, 3))
+    session = opened(ss.EllipsoidField(centres, np.full(40, 3.0), values=np.arange(40.0)))
+    page = Page(session)
+    assert settled(page)[1]["cut_faces"] is False
+    # A first cut lights its faces.
+    drawn(page, clip={"planes": [[[0, 0, 1], 4.0]], "box": None})
+    assert session.scene().options["cut_faces"] is True and state["faces_follow"] is True
+
+
+def test_new_slice_planes_have_the_colours_that_the_viewer_was_given(opened):
+    session = opened(slice_cmap="inferno", slice_clim=(0, 0.5))
+    page = Page(session)
+    settled(page)
+    drawn(page, slice_planes=[{"normal": [0, 0, 1], "offset": 6.5, "cmap": None, "clim": None}])
+    assert session.scene().options["slice_planes"] == (ss.SlicePlane((0, 0, 1), 6.5, cmap="inferno", clim=(0, 0.5)),)
+    assert np.array_equal(made_by(session.code(), volume(), size=SIZE).rgba, session.picture().rgba)
+    drawn(page)
+    assert "slice_cmap" not in session.code()
+    page.clear()
+    page.say(type="redo")
+    assert settled(page)[1]["slice_planes"][0]["cmap"] == "inferno"
 
 
 def test_arrays_and_times_of_a_file_are_chosen_together(opened, tmp_path):

@@ -179,3 +179,40 @@ def test_slice_planes_are_moved_by_keys(paged, rules):
     assert len(viewer.scene.options["slice_planes"]) == 1
     _, after = pressed(page, "Remove the planes", " ")
     assert np.array_equal(before, after)
+
+
+def test_labels_beside_a_surface_are_listed_and_faces_are_switched(paged, rules):
+    fields = [ss.RegularField(values(n=8)), labels(2)]
+    viewer, page = paged(fields, size=NARROW, mode="isosurface", shading=True)
+    open_all(page)
+    assert serious(page, rules) == [] and within_its_width(page) == []
+    before, after = pressed(page, "part 1", " ")
+    assert not np.array_equal(before, after) and 1 not in viewer.scene.transfer_functions[1].colors
+    # The surfaces are edited beside them.
+    assert viewer.scene.surfaces and page.evaluate(
+        "[...document.querySelectorAll('button')].some(one => one.textContent === 'Add a surface' && one.offsetParent)"
+    )
+    number = shown(page)
+    page.evaluate("window.sheetsplat.set({mode: 'composite'})")
+    complete_after(page, number)
+    before, after = pressed(page, "Light the faces of cuts", " ")
+    assert not np.array_equal(before, after) and viewer.scene.options["cut_faces"] is False
+    _, after = pressed(page, "Light the faces of cuts", " ")
+    assert np.array_equal(before, after)
+
+
+def test_a_first_cut_lights_its_faces_on_the_page_too(paged):
+    centres = np.random.default_rng(2).uniform(0, 9, (30, 3))
+    viewer, page = paged(ss.EllipsoidField(centres, np.full(30, 3.0), values=np.arange(30.0)), size=NARROW)
+    open_all(page)
+    ticked = (
+        "[...document.querySelectorAll('label.check')].find((one) => /^Light the faces/.test(one.textContent))"
+        ".firstChild.checked"
+    )
+    assert not page.evaluate(ticked)
+    pressed(page, "Plane across x", " ")
+    assert page.evaluate(ticked) and viewer.scene.options["cut_faces"] is True
+    pressed(page, "Light the faces of cuts", " ")
+    assert not page.evaluate(ticked) and viewer.scene.options["cut_faces"] is False
+    pressed(page, "Plane across y", " ")
+    assert not page.evaluate(ticked) and viewer.scene.options["cut_faces"] is False

@@ -1,6 +1,6 @@
 // Several groups of data beside each other, and another array that gives colours.
 
-/** A row for each group: whether it is shown, and its colour. `set` sends changes. */
+/** A row for each group that has a look: whether it is shown, and its colour. `set` sends changes. */
 function channelRows(set) {
   let rows = [];
   const element = h("div", { role: "group", "aria-label": "Channels" });
@@ -11,15 +11,15 @@ function channelRows(set) {
   }
   element.show = (looks, groups) => {
     element.hidden = looks.length < 2;
-    const names = groups.map(({ label }, n) => `${n + 1}: ${label}`);
-    if (rows.length !== looks.length || rows.some((one, n) => one.name !== names[n])) {
-      rows = looks.map((_, n) => rowOf(names[n], n));
+    const known = looks.flatMap((look, n) => (look ? [[look, n, `${n + 1}: ${groups[n].label}`]] : []));
+    if (rows.length !== known.length || rows.some((one, at) => one.name !== known[at][2])) {
+      rows = known.map(([, n, name]) => rowOf(name, n));
       element.replaceChildren(...rows.map((one) => one.element));
     }
-    looks.forEach(({ shown, color }, n) => {
-      rows[n].box.show(shown);
-      rows[n].color.hidden = color === null;
-      rows[n].color.show(color);
+    known.forEach(([{ shown, color }], at) => {
+      rows[at].box.show(shown);
+      rows[at].color.hidden = color === null;
+      rows[at].color.show(color);
     });
   };
   return element;

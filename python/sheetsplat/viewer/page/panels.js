@@ -94,13 +94,16 @@ function lookPanel(set, offered) {
     data = known;
     if (!state) return;
     coloring.show(state, data);
-    function_.hidden = !state.looks.length;
-    surfaces.hidden = state.fold !== "surfaces" || !function_.hidden;
+    // Groups without a look are shown by surfaces.
+    const looking = state.looks.flatMap((look, n) => (look ? [n] : []));
+    function_.hidden = !looking.length;
+    surfaces.hidden = state.fold !== "surfaces" || (looking.length > 0 && looking.length === state.looks.length);
     scalar.hidden = COLORED.includes(state.fold) || !function_.hidden;
+    if (!surfaces.hidden) showSurfaces();
     if (!function_.hidden) {
-      group = Math.min(group, state.looks.length - 1);
-      groups.parentElement.hidden = state.looks.length < 2;
-      groups.offer(state.looks.map((_, n) => [String(n), `${n + 1}: ${data.groups[n].label}`]));
+      if (!looking.includes(group)) group = looking[0];
+      groups.parentElement.hidden = looking.length < 2;
+      groups.offer(looking.map((n) => [String(n), `${n + 1}: ${data.groups[n].label}`]));
       groups.show(String(group));
       channels.show(state.looks, data.groups);
       const look = state.looks[group];
@@ -120,8 +123,7 @@ function lookPanel(set, offered) {
         if (document.activeElement !== ends[n]) ends[n].value = Number(value.toPrecision(6));
       });
       editor.show(look, data.groups[group]);
-    } else if (!surfaces.hidden) showSurfaces();
-    else {
+    } else if (!scalar.hidden) {
       const { cmap, clim, log: isLog } = state.scalar_colors;
       const names = Object.keys(offered().colormaps);
       scalarMaps.offer([...(names.includes(cmap) ? [] : [[cmap, cmap || "own colours"]]), ...names]);
@@ -274,7 +276,19 @@ function clipPanel(set, cameraOf) {
   const send = (clip) => {
     state.clip = clip;
     set({ clip });
+    showFaces();
   };
+  const faces = checkbox("Light the faces of cuts", (on) => {
+    Object.assign(state, { cut_faces: on, changed: [...state.changed, "cut_faces"] });
+    set({ cut_faces: on });
+  },
+    "Where a cut, or the end of a volume, opens what is opaque, light takes the direction of the face");
+  function showFaces() {
+    // Unless that was decided on, a first cut does.
+    const follow = state.faces_follow && !state.changed.includes("cut_faces");
+    faces.hidden = !state.lights.length || state.fold !== "opacities";
+    faces.show(state.cut_faces || (follow && (state.clip.box || state.clip.planes.length)));
+  }
   const boxed = checkbox("Box", (on) => send({ ...state.clip, box: on ? inner() : null }));
   const inner = () => structuredClone(data.bounds);
   const sides = AXES.flatMap(([name], axis) => ["from", "to"].map((word, side) =>
@@ -324,11 +338,12 @@ function clipPanel(set, cameraOf) {
       one.limits(data.bounds[0][axis], data.bounds[1][axis]);
       if (state.clip.box) one.show(state.clip.box[n & 1][axis]);
     });
+    showFaces();
     showPlanes();
     none.hidden = !state.clip.box && !state.clip.planes.length;
   }
   const hint = h("p", { className: "hint" }, "Drag the handles in the picture: box sides and planes move along their direction, the white end of an arrow turns its plane.");
-  const element = section("Clip", false, boxed, inBox, planes, adders, none, hint);
+  const element = section("Clip", false, boxed, inBox, planes, adders, none, faces, hint);
   element.addEventListener("toggle", () => element.dispatchEvent(new CustomEvent("shown", { bubbles: true })));
   return { element, show };
 }

@@ -23,8 +23,8 @@ function planePanel(set, offered, cameraOf) {
     set({ slice_planes: planes });
     show(state, data);
   }
-  // New planes have the colours of those that are there.
-  const like = () => ({ cmap: "gray", clim: null, ...state.slice_planes[0] });
+  // New planes have the colours of those that are there, else the viewer's own.
+  const like = () => ({ cmap: null, clim: null, ...state.slice_planes[0] });
   const put = (before, normal, offset) => {
     const made = { ...(before || like()), normal, offset };
     send(before ? state.slice_planes.map((one) => (one === before ? made : one)) : [...state.slice_planes, made]);

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,13 @@ struct RegularPart {
     const VisibleRuns* runs = nullptr; ///< which samples are drawn
 };
 
+/// A field whose kernels are those of another one but for their values.
+struct ValuesBeside {
+    std::size_t field = 0;
+    const EllipsoidView* view = nullptr;
+    std::uint64_t visible_version = 0; ///< of the flags that it would be drawn with
+};
+
 /// Scattered ellipsoids in the scene.
 struct EllipsoidPart {
     std::size_t field = 0;
@@ -34,6 +42,9 @@ struct EllipsoidPart {
     const std::vector<std::uint8_t>* visible = nullptr; ///< one flag a kernel
     /// Changes whenever `visible` does, so that what was sorted for the one is not used for the other.
     std::uint64_t visible_version = 0;
+    /// Summed with these kernels, so that it is no part of its own. Both fields are divided by their weights, each is
+    /// all of its group, and no derivatives are summed.
+    std::optional<ValuesBeside> beside = {};
 };
 
 /// One view, ready to be drawn. Nothing is owned.

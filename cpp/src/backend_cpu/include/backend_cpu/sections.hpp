@@ -17,6 +17,10 @@
 #include "backend_cpu/measured.hpp"
 #include "backend_cpu/tile.hpp"
 
+namespace sheetsplat {
+class EllipsoidView;
+}
+
 namespace sheetsplat::backend_cpu {
 
 /// How q depends on pixel and slice. Orthographic: per pixel; perspective: per pixel and unit of depth.
@@ -38,6 +42,7 @@ struct Section {
 template <class T>
 struct SectionExtra {
     T weight = 0;                                ///< with gain and scales
+    T other = 0;                                 ///< value of the field beside (TileKernels::beside)
     std::int32_t last = -1;                      ///< slice
     std::int16_t x0 = 0, y0 = 0, x1 = 0, y1 = 0; ///< pixels of the tile's sheets that it can touch: x0 <= x < x1
 };
@@ -76,6 +81,10 @@ struct TileKernels {
     std::vector<RowShape<T>> shapes;     ///< one for all, or as many as there are sections
     T weight = 0;                        ///< of all where there are no extras
     double pivot = 0.0;                  ///< what the field's values are counted from
+    /// Of a field of the same scattered kernels but for their values, which are summed beside these. Null: there is
+    /// none.
+    const EllipsoidView* beside = nullptr;
+    double beside_pivot = 0.0;
     /// Half the extents of a support on the screen, in pixels: of all where there is one shape. In perspective times
     /// the depth of its centre, and not less than that for centres at least twice as far away as it is deep. 0: not
     /// known.

@@ -58,6 +58,7 @@ struct GroupShading {
     std::vector<KeptHalfSpace> kept;              ///< where its fields end, if other groups' do not end there
     bool classified = true;                       ///< else its rho is there for other groups
     bool counts = true;                           ///< its weights are part of the coverage
+    bool at_zero = true;                          ///< something may show at points and in intervals of 0
     GroupRange colors;                            ///< the groups whose colours take the place of its own
     std::optional<PointLattice> summed_at_points; ///< its rho is asked for at single points: it has no sheets
 };

@@ -33,6 +33,7 @@ struct KernelBuckets {
     Vec3 eye{0.0}, right{0.0}, up{0.0};
     bool filtered = false;
     std::uint64_t visible_version = 0;
+    std::uint64_t beside_version = 0; ///< ValuesBeside::visible_version; 0: there is no field beside
     Buckets<std::uint32_t> indices;
 };
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 namespace sheetsplat::backend_cpu {
@@ -35,6 +36,9 @@ struct TileShape {
 struct Rect {
     int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
     [[nodiscard]] bool empty() const { return x0 >= x1 || y0 >= y1; }
+    [[nodiscard]] Rect cut_to(const Rect& other) const {
+        return {std::max(x0, other.x0), std::max(y0, other.y0), std::min(x1, other.x1), std::min(y1, other.y1)};
+    }
     void add(const Rect& other) {
         if (other.empty()) {
             return;
@@ -64,6 +68,8 @@ struct SheetWindow {
     /// Derivatives of rho of slices n and n + 1 over columns, rows and slices (in perspective along the pixel's ray),
     /// one step of each. Null unless the plan has analytic_gradient.
     const T* slope[2][3] = {};
+    /// Pixels of the tile (without border) outside of which the group shows nothing.
+    Rect shown{0, 0, std::numeric_limits<int>::max(), std::numeric_limits<int>::max()};
 };
 
 /// The finished slices around slice n; the base: of the first group.

@@ -30,10 +30,13 @@ struct PartProfile {
     bool integrates = false;
     int value_channel = 0;
     int weight_channel = -1; ///< -1: weights are not summed
+    int other_channel = -1;  ///< values of the field beside (EllipsoidPart::beside); -1: there is none
     /// The first of three: derivatives over columns, rows and slices. -1: not summed.
     int slope_channel = -1, weight_slope_channel = -1;
-    double pivot = 0.0;     ///< what values are counted from
-    bool at_points = false; ///< nothing is splatted: GroupShading::summed_at_points
+    double pivot = 0.0; ///< what values are counted from
+    double other_pivot = 0.0;
+    std::size_t group = 0, other_group = 0; ///< to whose sheets it adds
+    bool at_points = false;                 ///< nothing is splatted: GroupShading::summed_at_points
 };
 
 /// A field that is divided by its own weights before fields are added.
@@ -59,6 +62,22 @@ struct GroupSheets {
     std::vector<LatticeReach> reach;
     /// Derivatives are summed beside values; these channels hold those of rho in the end.
     int slope_channel = -1, weight_slope_channel = -1;
+    std::vector<int> channels; ///< all of them
+
+    /// The next `count` of all channels; returns the first one.
+    int take(int& all, int count) {
+        const int first = all;
+        for (; all < first + count; ++all) {
+            channels.push_back(all);
+        }
+        return first;
+    }
+};
+
+/// Groups that hold the weights of labels, which are compared with each other.
+struct LabelSet {
+    GroupRange groups;
+    int absent_channel = 0; ///< what labels without a weight on a slice are there; where no slopes are summed
 };
 
 /// Where numbers of all slices are written in place of a picture: an element a pixel, in rows.
@@ -81,7 +100,7 @@ struct LoopSetup {
     const Shading<T>* shading = nullptr;
     std::vector<PartProfile<T>> parts;
     std::vector<GroupSheets<T>> groups;
-    std::vector<GroupRange> label_sets; ///< of these groups
+    std::vector<LabelSet> label_sets; ///< of these groups
     int channels = 0;
     bool slopes = false;                 ///< derivatives are summed beside values
     const SliceRecord* record = nullptr; ///< null: a picture is drawn

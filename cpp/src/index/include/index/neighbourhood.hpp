@@ -12,12 +12,13 @@ namespace sheetsplat {
 
 /// The set of offsets s - h between two samples for which there are points x and y, at most reach_world apart, with x
 /// inside the support of h and y inside that of s: the sum of a ball of two radii in index space and a ball of
-/// reach_world in world space. Exact for BCC and for equal spacing; for unequal spacing a little more. Where it is many
+/// reach_world in world space. in_cells: x lies in a cell that has s as a corner, of a Cartesian lattice; a box takes
+/// the place of one radius. Exact for BCC and for equal spacing; for unequal spacing a little more. Where it is many
 /// samples wide, whole blocks of samples are decided together, which again can only add samples.
 class Neighbourhood {
   public:
     /// reach_world >= 0, infinite allowed.
-    Neighbourhood(const RegularField& field, double reach_world);
+    Neighbourhood(const RegularField& field, double reach_world, bool in_cells = false);
 
     /// Samples in a block: {in k, in j, in i}; {1, 1, 1} unless the neighbourhood is wide.
     [[nodiscard]] const std::array<std::size_t, 3>& block() const { return block_; }
@@ -46,7 +47,8 @@ class Neighbourhood {
                     std::vector<BitWord>& scratch, BitRows& spread) const;
 
     Lattice lattice_;
-    double two_radii_; ///< index units (bcc: of a)
+    double radii_;     ///< of the ball, index units (bcc: of a)
+    double box_ = 0.0; ///< half an edge of the box, same units
     Vec3 reach_;       ///< reach_world along each axis, same units
     std::array<std::size_t, 3> block_{1, 1, 1};
     std::array<std::size_t, 3> blocks_{};

@@ -14,9 +14,10 @@ namespace sheetsplat {
 struct SeenBeside {
     std::shared_ptr<const Field> field;
     double above = 0.0, below = 0.0; ///< at f - b >= above and f - b <= -below; 0: at all that are not 0
+    bool in_cells = false;           ///< it shows in the cells alone that have such a sample as a corner
 
     friend bool operator==(const SeenBeside& a, const SeenBeside& b) {
-        return a.field == b.field && a.above == b.above && a.below == b.below;
+        return a.field == b.field && a.above == b.above && a.below == b.below && a.in_cells == b.in_cells;
     }
 };
 

@@ -602,6 +602,7 @@ void make_empty() {
 
 // Sums all fields in four slabs from `first` on. Returns whether any kernel reaches the tile there.
 bool sum_slabs(int first) {
+    COUNT_BARRIERS(4);
     clear_sums();
 #ifdef LATTICES
     if (my_number() < PARTS && parts[my_number()].kind.x != 0) {

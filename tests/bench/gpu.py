@@ -1,4 +1,4 @@
-"""What graphics hardware does, in eight minutes: OpenGL's tests, techniques, the papers' tables, effects, 1080p."""
+"""What graphics hardware does, in eight minutes: paths, tests, techniques, the papers' tables, effects, 1080p."""
 
 from __future__ import annotations
 
@@ -8,8 +8,12 @@ import time
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
 
 import sheetsplat as ss
 from bench import ablation, cliffs, table2005, table2006
@@ -31,6 +35,12 @@ _VIEWS = 3
 _REFERENCE_SECONDS = 1.0
 _TECHNIQUES = ("skipping", "packing", "buffers", "elimination", "opacity buffer")
 _FIELDS = ("engine", "ellipsoids")
+_WAVE_POINTS = [
+    (0.0, 0.1, 0.2, 0.8, 0.0),
+    (100.0, 0.2, 0.8, 0.4, 0.0),
+    (180.0, 1.0, 0.7, 0.3, 0.3),
+    (255.0, 1.0, 1.0, 1.0, 0.6),
+]
 _ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -184,7 +194,100 @@ def _full_hd(options: Options, seconds: Callable[[], float]) -> list[Row]:
     return rows
 
 
+def _path_scenes(options: Options) -> dict[str, tuple[ss.Scene, tuple[int, int]]]:
+    """Return the scenes that the paths of OpenGL are compared on, with their sizes."""
+    size = _FULL_HD if options.scale == 1.0 else options.size
+    volume = ss.RegularField(_wave(options.edge(256)))
+    kernels = spheres(options.count(1_000_000), max(16.0, _DENSE_EDGE * (options.count(1_000_000) / _DENSE) ** (1 / 3)))
+    slender = ss.EllipsoidField(
+        kernels.centers,
+        scales=np.reshape(kernels.scales, (-1, 1)) * np.array([2.0, 0.1, 0.5]),
+        rotations=_turns(len(kernels.centers)),
+        values=kernels.values,
+    )
+    lit: Mapping[str, Any] = {"lights": [ss.Light((0.3, 0.5, 1.0))]}
+    return {
+        "wave, lit": (ss.Scene(volume, _WAVE_POINTS, **lit), size),
+        "wave, surface": (
+            ss.Scene(volume, _WAVE_POINTS, mode="isosurface", iso_value=180.0, **lit),
+            size,
+        ),
+        "wave, x-ray": (ss.Scene(volume, _WAVE_POINTS, mode="xray"), size),
+        "spheres, lit": (_scene(kernels), size),
+        "ellipsoids 1:20, lit": (_scene(slender), size),
+    }
+
+
+def _wave(edge: int) -> np.ndarray[Any, Any]:
+    """Return a volume of bytes with shells everywhere, none of it empty."""
+    along = np.linspace(-1.0, 1.0, edge, dtype=np.float32)
+    radius = np.sqrt(along[:, None, None] ** 2 + along[None, :, None] ** 2 + along[None, None, :] ** 2)
+    return (127.5 + 127.5 * np.cos(14.0 * radius)).astype(np.uint8)
+
+
+def _turns(count: int) -> np.ndarray[Any, Any]:
+    turns = np.random.default_rng(3).normal(size=(count, 4))
+    return turns / np.linalg.norm(turns, axis=1, keepdims=True)
+
+
+def _timed_path(scene: ss.Scene, views: Sequence[ss.Camera], size: tuple[int, int], renderer: ss.Renderer) -> Row:
+    """Return the time of the first frame, and of frames from moving cameras."""
+    began = time.perf_counter()
+    renderer.render(scene, views[0], size=size)
+    first = time.perf_counter() - began
+    timing, image = time_frames(renderer, scene, views, size)
+    row: Row = timing.row() | {"fps": 1.0 / timing.wall, "first_ms": 1000.0 * first}
+    return row | {"slices": image.stats["slices"], "kernels_drawn": image.stats["kernels_drawn"]}
+
+
+def _paths(options: Options, seconds: Callable[[], float]) -> list[Row]:
+    """Return first frames and frames of moving cameras by raster passes, by compute programs and on the processor."""
+    rows: list[Row] = []
+    for name, (scene, size) in _path_scenes(options).items():
+        field = scene.fields[0]
+        views = orbit(field, max(2, min(20, options.views)))
+        for way, backend, settings in (
+            ("raster", "gl", {"path": "raster"}),
+            ("compute", "gl", {"path": "compute"}),
+            ("processor", "cpu", {}),
+        ):
+            options.say(f"{name}, {way}")
+
+            found = attempt(partial(_timed_path, scene, views, size, ss.Renderer(backend, **settings)))
+            rows.append({"row": f"{name}, {way}, {size[0]}x{size[1]}", **found})
+    return rows
+
+
+def _count(options: Options, seconds: Callable[[], float]) -> list[Row]:
+    """Return what the threads of the compute path do in the same scenes, on any device, at the size of the tables."""
+    from bench.lab import LabRenderer
+
+    rows: list[Row] = []
+    small = replace(options, scale=min(options.scale, 0.125))
+    for name, (scene, _) in _path_scenes(small).items():
+        options.say(f"counting {name}")
+
+        def one(scene: ss.Scene = scene) -> Row:
+            renderer = LabRenderer(("count_work",), path="compute")
+            stats = renderer.render(scene, orbit(scene.fields[0], 2)[0], size=(100, 100)).stats
+            points = 100.0 * 100.0 * stats["slices"]
+            return {
+                "sections": stats["sections"] / points,
+                "samples_read": stats["samples_read"] / points,
+                "barriers": stats["barriers"] / points,
+                "shared_bytes": stats["shared_bytes"],
+                "threads": stats["threads_a_group"],
+                "slices": stats["slices"],
+                "kernels_drawn": stats["kernels_drawn"],
+            }
+
+        rows.append({"row": name, **attempt(one)})
+    return rows
+
+
 _PARTS: Mapping[str, Callable[[Options, Callable[[], float]], list[Row]]] = {
+    "paths": _paths,
+    "count": _count,
     "full hd": _full_hd,
     "tables": _tables,
     "techniques": _techniques,
@@ -224,13 +327,16 @@ def run(options: Options) -> Report:
         columns=columns(
             "part, row, passed, failed, skipped, wall_ms=gl ms, cpu_wall_ms=cpu ms, times=cpu over gl, fps, "
             "paper_fps=paper: fps, over_paper=over the paper, wall_ratio=effect over plain: gl, cpu_ratio=cpu, "
-            "kernels_drawn, slices, precision, rmse, error_size, remark"
+            "first_ms=first frame ms, sections=sections a point, samples_read=samples a point, barriers=barriers, "
+            "shared_bytes=shared bytes, threads=threads, kernels_drawn, slices, precision, rmse, error_size, remark"
         ),
         rows=rows,
         notes=[
             "gl ms, cpu ms: median elapsed times of frames, the picture read back; of tests the whole run. cpu over "
             "gl: above 1, OpenGL is faster.",
             "effect over plain: elapsed time of a frame with the effect over that of the plain lit composite.",
+            "count: what the threads of a compute program do for each pixel and slice of 100x100 pixels, of scenes "
+            "an eighth as wide: sections of scattered kernels, samples of lattices, barriers (times threads).",
             f"Parts that have not begun after {_SECONDS:g} s are left out.",
         ],
         goals=goals,

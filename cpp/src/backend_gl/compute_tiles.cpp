@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
@@ -12,6 +13,7 @@
 #include "plan/compute_path.hpp"
 #include "plan/slab_nodes.hpp"
 #include "scene/mode_rules.hpp"
+#include "sheetsplat/error.hpp"
 #include "splatting.hpp"
 #include "view/ellipsoid_view.hpp"
 
@@ -131,7 +133,7 @@ ComputeTiles::PartRecord ComputeTiles::kernels_record(const EllipsoidPart& part)
     return record;
 }
 
-void ComputeTiles::prepare() {
+double ComputeTiles::prepare() {
     const Job& job = scope_.job;
     Resources& resources = scope_.resources;
     resources.fields().keep(job.scene->fields);
@@ -164,6 +166,53 @@ void ComputeTiles::prepare() {
     resources.order.bind_storage(BUFFER_ORDER);
     resources.bounds.bind_storage(BUFFER_BOUNDS);
     find_bounds(parts);
+    double turns = 0.0;
+    for (const PartRecord& part : parts) {
+        turns += turns_of(part);
+    }
+    return turns;
+}
+
+double ComputeTiles::turns_of(const PartRecord& part) const {
+    if (part.kind[0] == 0) {
+        return static_cast<double>(part.kernels[2]) + part.size[0] + part.size[1];
+    }
+    // The samples around the points of a step, at the deepest slice in perspective.
+    const Frame& frame = scope_.frame;
+    const bool perspective = frame.projection == Projection::perspective;
+    const double deepest = perspective ? frame.depth_of(frame.slices) : 1.0;
+    double samples = 1.0;
+    for (int axis = 0; axis < 3; ++axis) {
+        const double slope =
+            std::abs(part.right[axis]) * std::max(scope_.axis_x(), scope_.tile.target_width() - scope_.axis_x()) +
+            std::abs(part.down[axis]) * std::max(scope_.axis_y(), scope_.tile.target_height() - scope_.axis_y());
+        const double step =
+            perspective ? frame.slice_spacing * (std::abs(part.back[axis]) + slope) : std::abs(part.back[axis]);
+        const double beside = 2.0 * deepest * (std::abs(part.right[axis]) + std::abs(part.down[axis]));
+        samples *= 2.0 * static_cast<double>(part.reach[axis]) + 2.0 + (gathers_products() ? 0.0 : 4.0 * step + beside);
+    }
+    return 1.5 * samples * (gathers_products() ? 4.0 : 1.0);
+}
+
+int ComputeTiles::most_steps_a_call(double turns_a_step) const {
+    const int most = scope_.capabilities.most_turns;
+    if (most == 0) {
+        return std::numeric_limits<int>::max();
+    }
+    // One step of each call is there for the next; shading takes turns too.
+    const int steps = static_cast<int>(std::min(0.6 * most / std::max(turns_a_step, 1.0), 1e6)) - 1;
+    if (steps < 1) {
+        throw Unsupported(
+            Complaint{"the scene cannot be drawn by compute programs of " + scope_.capabilities.renderer,
+                      "about " + std::to_string(static_cast<long long>(turns_a_step)) +
+                          " turns of loops for four slices; this driver ends loops after " + std::to_string(most),
+                      "", "use " + option_ref("path", "raster") + " or " + option_ref("backend", "cpu"), "path"});
+    }
+    return steps;
+}
+
+bool ComputeTiles::gathers_products() const {
+    return scope_.plan.sampling == Sampling::point && !splats_slopes(scope_.plan);
 }
 
 void ComputeTiles::slice_kernels() const {
@@ -280,7 +329,7 @@ TileProgram ComputeTiles::program() const {
     switch_on("WEIGHT_ALONE", shape.divided);
     switch_on("SLAB", plan.sampling == Sampling::slab);
     switch_on("FINE", splats_slopes(plan));
-    switch_on("PRODUCTS", plan.sampling == Sampling::point && !splats_slopes(plan) && !plan.filter);
+    switch_on("PRODUCTS", gathers_products());
     defines["FOUR_NODE_SLAB"] = std::to_string(four_node_slab);
     defines["SIX_NODE_SLAB"] = std::to_string(six_node_slab);
     return made;
@@ -311,7 +360,7 @@ void ComputeTiles::run(const std::function<void(double)>& progress) {
     if (frame.slices == 0) {
         return;
     }
-    prepare();
+    const double turns_a_step = prepare();
     const TileProgram how = program();
     const gl::Program& program = scope_.resources.compute_program("tile.comp", how.defines);
     program.use();
@@ -340,6 +389,7 @@ void ComputeTiles::run(const std::function<void(double)>& progress) {
     const int core = how.edge - 2 * how.border;
     const int across = (tile.width + core - 1) / core;
     const int down = (tile.height + core - 1) / core;
+    const int most_steps = most_steps_a_call(turns_a_step);
     // As much a call as the time of the one before allows: rows of tiles, or of one row some of its steps.
     const auto steps = static_cast<int>(scope_.steps.passes);
     double& seconds = scope_.resources.seconds_a_step;
@@ -347,7 +397,8 @@ void ComputeTiles::run(const std::function<void(double)>& progress) {
     for (int row = 0; row < down;) {
         const double in_time = seconds > 0.0 ? seconds_a_call / (seconds * across) : first_steps;
         const int rows = static_cast<int>(std::clamp(in_time / steps, 1.0, static_cast<double>(down - row)));
-        const int at_once = static_cast<int>(std::clamp(in_time / rows, least_steps, static_cast<double>(steps)));
+        int at_once = static_cast<int>(std::clamp(in_time / rows, least_steps, static_cast<double>(steps)));
+        at_once = std::min(at_once, most_steps);
         program.set("first_tile", 0, row);
         if (counting) {
             clear_counts(static_cast<std::size_t>(across) * static_cast<std::size_t>(rows));

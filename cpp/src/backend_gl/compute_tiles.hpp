@@ -40,8 +40,14 @@ class ComputeTiles {
 
   private:
     struct PartRecord;
-    /// Uploads what the device does not have yet, slices ellipsoids and bounds them.
-    void prepare();
+    /// Uploads what the device does not have yet, slices ellipsoids and bounds them. Returns about how many turns of
+    /// loops four slices take at a point, at most.
+    double prepare();
+    [[nodiscard]] double turns_of(const PartRecord& part) const;
+    /// Steps of four slices of one call, for drivers that end loops early. Throws Unsupported where one is too many.
+    [[nodiscard]] int most_steps_a_call(double turns_a_step) const;
+    /// Kernels of lattices are products of three Gaussians, which are summed point by point.
+    [[nodiscard]] bool gathers_products() const;
     [[nodiscard]] PartRecord lattice_record(const RegularPart& part, int number);
     [[nodiscard]] PartRecord kernels_record(const EllipsoidPart& part);
     /// What both kinds of fields have.

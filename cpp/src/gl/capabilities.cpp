@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <map>
 #include <mutex>
 #include <set>
@@ -22,7 +23,10 @@ struct Workaround {
     const char* purpose;
 };
 
-constexpr std::array<Workaround, 4> workarounds = {{
+constexpr std::array<Workaround, 5> workarounds = {{
+    {"loops_end_early", [](const Capabilities& c) { return c.most_turns > 0; },
+     "loops of a compute program end after so many turns in all, without a word: the compute path draws fewer slices a "
+     "call, and refuses scenes of too many kernels"},
     {"fp16_store_truncates", [](const Capabilities& c) { return !c.float16_blend_rounds; },
      "sums in 16-bit floats are cut off instead of rounded, so that long sums come out dark: sheets are 32-bit"},
     {"no_float32_blend", [](const Capabilities& c) { return !c.float32_blend; },
@@ -40,6 +44,7 @@ struct Probes {
     bool float16_blend_rounds = false;
     bool points_reach_in = false;
     float max_point_size = 1.0F;
+    int most_turns = 0;
 };
 
 const SourceFiles& probe_files() {
@@ -53,6 +58,16 @@ const SourceFiles& probe_files() {
         {"probe.frag", "uniform float value;\n"
                        "out vec4 color;\n"
                        "void main() { color = vec4(value); }\n"},
+        {"turns.comp", "layout(local_size_x = 1) in;\n"
+                       "layout(std430, binding = 0) buffer Result { uint result; };\n"
+                       "uniform int turns;\n"
+                       "void main() {\n"
+                       "    uint number = 1u;\n"
+                       "    for (int turn = 0; turn < turns; ++turn) {\n"
+                       "        number = number * 1664525u + 1013904223u;\n"
+                       "    }\n"
+                       "    result = number;\n"
+                       "}\n"},
     };
     return files;
 }
@@ -145,6 +160,25 @@ class Prober {
     Program program_;
 };
 
+/// Turns after which a driver ends loops: 0 where it took many more; else what drivers are known to end at.
+int most_turns(const Api& gl) {
+    constexpr int many = 200000, known = 65535;
+    const Program program = Program::computing(gl, probe_files(), "turns.comp", {}, "#version 430 core");
+    Buffer result(gl, GL_SHADER_STORAGE_BUFFER);
+    std::uint32_t expected = 1, found = 0;
+    result.upload(&found, sizeof found);
+    result.bind_storage(0);
+    program.use();
+    program.set("turns", many);
+    gl.DispatchCompute(1, 1, 1);
+    gl.MemoryBarrier(GL_BUFFER_UPDATE_BARRIER_BIT);
+    result.read(&found, sizeof found);
+    for (int turn = 0; turn < many; ++turn) {
+        expected = expected * 1664525U + 1013904223U;
+    }
+    return found == expected ? 0 : known;
+}
+
 template <class Value, class Measure>
 void measure(const Api& gl, Value& value, Measure of) {
     try {
@@ -154,7 +188,7 @@ void measure(const Api& gl, Value& value, Measure of) {
     }
 }
 
-Probes probe(const Api& gl, float claimed_point_size, int max_viewport) {
+Probes probe(const Api& gl, float claimed_point_size, int max_viewport, bool computes) {
     Probes probes;
     GLint viewport[4] = {};
     gl.GetIntegerv(GL_VIEWPORT, viewport);
@@ -178,6 +212,9 @@ Probes probe(const Api& gl, float claimed_point_size, int max_viewport) {
                 [&] { return prober.blended(GL_RGBA16F, 1.0F, 0.75F * step) == 1.0F + step; });
         measure(gl, probes.points_reach_in, [&] { return prober.points_reach_in(); });
         measure(gl, probes.max_point_size, [&] { return prober.max_point_size(claimed_point_size, max_viewport); });
+        if (computes) {
+            measure(gl, probes.most_turns, [&] { return most_turns(gl); });
+        }
         reset();
     } catch (...) {
         reset();
@@ -236,7 +273,8 @@ void apply_switches(Capabilities& capabilities) {
 }
 
 // All contexts of one driver behave alike, so each driver is measured once in a process.
-Probes probed_once(const Api& gl, const std::string& driver, float claimed_point_size, int max_viewport) {
+Probes probed_once(const Api& gl, const std::string& driver, float claimed_point_size, int max_viewport,
+                   bool computes) {
     static std::mutex& mutex = *new std::mutex;
     static std::map<std::string, Probes>& known = *new std::map<std::string, Probes>;
     {
@@ -247,7 +285,7 @@ Probes probed_once(const Api& gl, const std::string& driver, float claimed_point
         }
     }
     // Without the lock, because drawing may take long; two threads that measure at once get the same results.
-    const Probes probes = probe(gl, claimed_point_size, max_viewport);
+    const Probes probes = probe(gl, claimed_point_size, max_viewport, computes);
     const std::lock_guard<std::mutex> lock(mutex);
     known.emplace(driver, probes);
     return probes;
@@ -306,11 +344,12 @@ Capabilities read_capabilities(const Api& gl, const std::string& platform) {
     }
 
     const std::string driver = platform + "\n" + c.vendor + "\n" + c.renderer + "\n" + c.version;
-    const Probes probes = probed_once(gl, driver, point_sizes[1], c.max_viewport);
+    const Probes probes = probed_once(gl, driver, point_sizes[1], c.max_viewport, c.compute_memory > 0);
     c.float32_blend = probes.float32_blend;
     c.float16_blend_rounds = probes.float16_blend_rounds;
     c.points_reach_in = probes.points_reach_in;
     c.max_point_size = probes.max_point_size;
+    c.most_turns = probes.most_turns;
 
     apply_switches(c);
     for (const Workaround& each : workarounds) {

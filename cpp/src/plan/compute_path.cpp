@@ -12,6 +12,8 @@ using namespace gl_limits;
 
 namespace {
 
+/// Lattices of one scene that compute programs have volumes for: MOST_LATTICES of glsl/lib/interop.h.
+constexpr int most_computed_lattices = 4;
 /// Of a work group beside its sheets: flags, nodes of trees, places of lattices.
 constexpr int other_bytes = 2048;
 /// A kernel that waits to be added.

@@ -40,6 +40,33 @@ const char* why_tagged(Tagging tagging) {
                                              : "turned off: each pass draws the whole picture";
 }
 
+/// The option, or the environment's choice where it is automatic.
+Path requested_path(Path option) {
+    const char* name = std::getenv("SHEETSPLAT_GL_PATH");
+    if (option != Path::automatic || name == nullptr || *name == '\0') {
+        return option;
+    }
+    for (const Path path : {Path::automatic, Path::raster, Path::compute}) {
+        if (std::string(name) == to_string(path)) {
+            return path;
+        }
+    }
+    throw InvalidInput(Complaint{"the plan cannot be made", std::string("SHEETSPLAT_GL_PATH=") + name,
+                                 "auto, raster or compute", "correct the environment variable, or unset it"});
+}
+
+/// Whether compute programs draw what they can.
+bool prefers_compute(const RendererOptions& options, const Capabilities& capabilities, const ViewFacts& view) {
+    if (capabilities.compute_memory == 0 || options.packing == Packing::paper) {
+        return false;
+    }
+    const Path path = requested_path(options.path);
+    const auto& seconds = capabilities.rates.of(view.kernels.ellipsoids);
+    const bool faster = capabilities.rates.known ? seconds[DeviceRates::compute] <= seconds[DeviceRates::raster]
+                                                 : !capabilities.software;
+    return path == Path::compute || (path == Path::automatic && faster);
+}
+
 /// Which fields have sheets of their own, and how slabs are packed into channels.
 void plan_sheets(const Scene& scene, const ViewFacts& view, const RendererOptions& options, const Outputs& outputs,
                  const Capabilities& capabilities, Effects& effects, DrawPlan& plan) {
@@ -63,7 +90,9 @@ void plan_sheets(const Scene& scene, const ViewFacts& view, const RendererOption
                           " or a smaller " + option_ref("reference_length")});
     }
     // Differences of values and of weights of two sheets at once would take more texture units than every device has.
-    const bool crowded = plan.fine_gradient && plan.threshold;
+    // (Compute programs keep sheets in shared memory.)
+    const bool computes = capabilities.max_texture_units > 20 && prefers_compute(options, capabilities, view);
+    const bool crowded = plan.fine_gradient && plan.threshold && !computes;
     plan.packing = options.packing == Packing::automatic ? crowded ? Packing::paper : Packing::wide : options.packing;
     if (groups && plan.packing == Packing::paper) {
         throw Unsupported(Complaint{"the plan cannot be made",
@@ -206,21 +235,6 @@ void plan_precision(const Scene& scene, const ViewFacts& view, const RendererOpt
     effects.state(EffectId::sums, true, std::string("kernels are summed in sheets of ") + to_string(plan.precision));
 }
 
-/// The option, or the environment's choice where it is automatic.
-Path requested_path(Path option) {
-    const char* name = std::getenv("SHEETSPLAT_GL_PATH");
-    if (option != Path::automatic || name == nullptr || *name == '\0') {
-        return option;
-    }
-    for (const Path path : {Path::automatic, Path::raster, Path::compute}) {
-        if (std::string(name) == to_string(path)) {
-            return path;
-        }
-    }
-    throw InvalidInput(Complaint{"the plan cannot be made", std::string("SHEETSPLAT_GL_PATH=") + name,
-                                 "auto, raster or compute", "correct the environment variable, or unset it"});
-}
-
 std::string milliseconds(double seconds) { return std::isfinite(seconds) ? number(1e3 * seconds) + " ms" : "failed"; }
 
 /// Whether compute programs draw the tiles.
@@ -233,9 +247,7 @@ void plan_path(const Scene& scene, const ViewFacts& view, const RendererOptions&
     }
     const Path path = requested_path(options.path);
     const auto& seconds = capabilities.rates.of(view.kernels.ellipsoids);
-    const bool faster = capabilities.rates.known ? seconds[DeviceRates::compute] <= seconds[DeviceRates::raster]
-                                                 : !capabilities.software;
-    plan.compute = why_not.empty() && path != Path::raster && (path == Path::compute || faster);
+    plan.compute = why_not.empty() && prefers_compute(options, capabilities, view);
     effects.state(EffectId::computed_tiles, plan.compute,
                   !why_not.empty()           ? why_not
                   : path != Path::automatic  ? std::string("path ") + to_string(path) + " was asked for"

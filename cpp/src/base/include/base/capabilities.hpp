@@ -44,6 +44,7 @@ struct Capabilities {
     int subpixel_bits = 4;               ///< of positions in the rasteriser
     int max_texture_units = 16;          ///< of the fragment stage
     int max_volume_size = 256;           ///< of a 3D texture, along each axis
+    int most_turns = 0;                  ///< that all loops of a compute program take together; 0: no limit
     int compute_memory = 0;              ///< bytes that a work group shares; 0: no compute programs
     int max_buffer_texels = 65536;       ///< of a buffer texture
     DeviceRates rates{};                 ///< where they were asked for

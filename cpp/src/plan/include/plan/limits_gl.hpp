@@ -39,9 +39,6 @@ constexpr int paper_cells_at_8 = 1024;
 
 // ---- ways of drawing
 
-/// Lattices of one scene that compute programs have volumes for: MOST_LATTICES of glsl/lib/interop.h.
-constexpr int most_computed_lattices = 4;
-
 /// Radius, pixels, beyond which the square of a distance leaves float32 and a kernel is no product of two Gaussians.
 /// Test: GlChooses.SeparableUpTo.
 constexpr double largest_separable_px = 1e6;

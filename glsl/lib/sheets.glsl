@@ -4,8 +4,9 @@
 #ifdef GROUPS
 // Groups of fields that are classified apart have layers of the sheets: what is read is that of this group.
 int group = 0;
+#define SHEET_TEXEL(sheet, at) SHEET_TEXEL_OF(sheet, at, group)
 #else
-const int group = 0;
+#define SHEET_TEXEL(sheet, at) SHEET_TEXEL_OF(sheet, at, 0)
 #endif
 
 #ifdef COMPUTE
@@ -23,7 +24,6 @@ const int group = 0;
 #define SHEET sampler2D
 #define SHEET_TEXEL_OF(sheet, at, layer) texelFetch(sheet, at, 0)
 #endif
-#define SHEET_TEXEL(sheet, at) SHEET_TEXEL_OF(sheet, at, group)
 
 #ifndef COMPUTE
 uniform SHEET sheet_front_texture;

@@ -304,11 +304,11 @@ void EllipsoidField::wrap_centers() {
             // What lies in the box stays what it is to the last digit.
             if (at < lower || at >= box.upper[axis]) {
                 if (std::abs(at) * std::numeric_limits<double>::epsilon() > coarsest_place * side) {
-                    throw InvalidInput(
-                        Complaint{unusable(owner, "periodic"),
-                                  "a center at " + text_of(at) + ", of which float64 does not say where in a box of " +
-                                      text_of(side) + " it lies",
-                                  "positions and a box in one unit", "check the units of both"});
+                    throw InvalidInput(Complaint{unusable(owner, "periodic"),
+                                                 "a center at " + text_of(at) +
+                                                     ", of which float64 does not say where in a box of " +
+                                                     text_of(side) + " it lies",
+                                                 "positions and a box in one unit", "check the units of both"});
                 }
                 const double share = (at - lower) / side;
                 at = lower + (share - std::floor(share)) * side;
@@ -347,11 +347,12 @@ void EllipsoidField::add_images() {
         const double count = images_of(i).count;
         if (count > most_images) {
             const Vec3 reach = extent(i);
-            throw InvalidInput(Complaint{"EllipsoidField: the periodic box cannot be used",
-                                         text_of(count) + " images of kernel " + text_of_count(i) +
-                                             ", semi-axes up to " + text_of(std::max({reach.x, reach.y, reach.z})),
-                                         "at most " + text_of(most_images) + " of a kernel",
-                                         "use smaller kernels, or pass " + option_ref("periodic", "...") + " with a larger box"});
+            throw InvalidInput(
+                Complaint{"EllipsoidField: the periodic box cannot be used",
+                          text_of(count) + " images of kernel " + text_of_count(i) + ", semi-axes up to " +
+                              text_of(std::max({reach.x, reach.y, reach.z})),
+                          "at most " + text_of(most_images) + " of a kernel",
+                          "use smaller kernels, or pass " + option_ref("periodic", "...") + " with a larger box"});
         }
         all += static_cast<std::size_t>(count) - 1;
     }

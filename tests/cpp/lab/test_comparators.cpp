@@ -145,7 +145,7 @@ TEST_F(ComparatorTests, AreGoneAfterAnError) {
 }
 
 TEST(Comparators, HaveNames) {
-    EXPECT_EQ(comparator_names().size(), 8U);
+    EXPECT_EQ(comparator_names().size(), 9U);
     EXPECT_TRUE(comparators_of({"gather", "quads"}).quads);
     EXPECT_FALSE(comparators_of({"gather"}).quads);
     EXPECT_THROW(comparators_of({"gathering"}), InvalidInput);

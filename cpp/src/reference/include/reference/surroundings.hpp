@@ -9,8 +9,8 @@
 #include "reference/counted.hpp"
 #include "reference/points.hpp"
 #include "reference/screen.hpp"
-#include "sheetsplat/camera.hpp"
 #include "scene/mode_rules.hpp"
+#include "sheetsplat/camera.hpp"
 #include "sheetsplat/scene.hpp"
 
 namespace sheetsplat::reference {

@@ -108,8 +108,8 @@ class RendererSettings(TypedDict, total=False):
         Path,
         Option(
             'How backend gl draws: "raster", passes of the rasteriser as in the papers; "compute", programs of OpenGL '
-            '4.3 that draw tile by tile. "auto": the environment variable SHEETSPLAT_GL_PATH, else what was faster when '
-            "the device was measured, and raster in software.",
+            '4.3 that draw tile by tile. "auto": the environment variable SHEETSPLAT_GL_PATH, else what was faster '
+            "when the device was measured, and raster in software.",
             default="auto",
             check=one_of(Path),
         ),

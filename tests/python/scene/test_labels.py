@@ -326,3 +326,17 @@ def test_the_background_is_drawn_around_cells_of_labels():
     pictures = [ss.Renderer(one).render(two, camera, (40, 40)) for one in ("reference", "cpu")]
     assert pictures[1].stats["kernels_visible"] > near.sum()
     assert np.abs(pictures[0].rgba - pictures[1].rgba).max() < 2e-5
+
+
+@pytest.mark.parametrize("function", [None, COLORS, ss.TransferFunction([(0.5, 1, 1, 1, 0), (1.5, 1, 1, 1, 1)])])
+def test_the_camera_frames_surfaces_of_labels_as_it_does_their_volumes(function):
+    """Where nothing is outside of labels, the picture has the same place in both modes; the volume is far larger."""
+    values = np.zeros((40, 40, 40), np.uint8)
+    values[16:24, 16:24, 14:24], values[16:24, 16:24, 24:28] = 1, 2
+    field = ss.RegularField(values, labels=True)
+    volume, surfaces = (
+        ss.render(field, transfer_function=function, mode=mode, size=40, backend="cpu").camera
+        for mode in ("composite", "isosurface")
+    )
+    assert surfaces.height == pytest.approx(volume.height, rel=0.02)
+    assert surfaces.target == pytest.approx(volume.target, abs=0.5) and volume.height < 25

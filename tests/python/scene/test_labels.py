@@ -328,6 +328,37 @@ def test_the_background_is_drawn_around_cells_of_labels():
     assert np.abs(pictures[0].rgba - pictures[1].rgba).max() < 2e-5
 
 
+@pytest.mark.parametrize("count", [3, 40, 90])
+@pytest.mark.parametrize("how", ["annotated", "axes"])
+def test_names_of_labels_in_figures_are_text_that_fits(count, how, monkeypatch):
+    """As many as have room, from the top, in lines; what looks like TeX stays as it is, also what no TeX can be."""
+    drawing = pytest.importorskip("matplotlib.figure")
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    values = np.zeros((3, 3, 3 * count), np.uint8)
+    for label in range(1, count + 1):
+        values[:, :, 3 * label - 3 : 3 * label] = label
+    names = {1: r"$\foo$ of $x$", 2: "a long name of a thing " * 20, 3: "w" * 400}
+    field = ss.RegularField(values, labels=True).with_label_colors(ss.LabelColors({}, names))
+    image = ss.render(field, size=(200, 150), backend="cpu")
+    if how == "axes":
+        figure = image.to_axes().figure
+        figure.canvas.draw()
+    else:
+        figures, make = [], drawing.Figure
+        monkeypatch.setattr(drawing, "Figure", lambda *one, **more: figures.append(make(*one, **more)) or figures[0])
+        assert image.annotated().width < 500
+        figure = figures[0]
+    bar = figure.axes[1]
+    texts = [tick.label2 for tick in bar.yaxis.get_major_ticks()][::-1]
+    boxes = [text.get_window_extent() for text in texts]
+    assert texts[0].get_text() == r"$\foo$ of $x$"
+    assert len(texts) == count if count == 3 else 5 <= len(texts) < count
+    for upper, lower in zip(boxes, boxes[1:], strict=False):
+        assert lower.y1 <= upper.y0 + 1
+    assert max(one.width for one in boxes) < 30 * texts[0].get_fontsize() * figure.dpi / 72
+    pyplot.close("all")
+
+
 @pytest.mark.parametrize("function", [None, COLORS, ss.TransferFunction([(0.5, 1, 1, 1, 0), (1.5, 1, 1, 1, 1)])])
 def test_the_camera_frames_surfaces_of_labels_as_it_does_their_volumes(function):
     """Where nothing is outside of labels, the picture has the same place in both modes; the volume is far larger."""

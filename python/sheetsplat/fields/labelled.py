@@ -26,7 +26,7 @@ def require_labels(values: NDArray[Any], **options: Any) -> None:
         if value != plain:
             raise complain(
                 "RegularField: labels cannot be used",
-                option_ref(name, str(value)),
+                option_ref(name, str(value).lower() if isinstance(value, bool) else str(value)),
                 f"{name} as it is unless given: labels are not added up",
                 "leave it out",
                 option=name,
@@ -81,13 +81,15 @@ def split_colors(values: Any) -> tuple[Any, NDArray[Any] | None]:
     if not isinstance(values, np.ndarray) or values.ndim != 4 or values.shape[-1] not in (3, 4) or not values.size:
         return values, None
     integers = values.dtype in (np.uint8, np.uint16)
-    outside = not integers and not (values.dtype.kind == "f" and values.min() >= 0.0 and values.max() <= 1.0)
-    if outside:
+    low, high = values.min(), values.max()
+    if not integers and not (values.dtype.kind == "f" and low >= 0.0 and high <= 1.0):
+        finite = bool(np.isfinite(low) and np.isfinite(high))
+        found = f"from {low:g} to {high:g}" if finite else "some of them not finite"
         raise complain(
             "RegularField: colours cannot be used",
-            f"{values.shape[-1]} components of type {values.dtype}, from {values.min():g} to {values.max():g}",
+            f"{values.shape[-1]} components of type {values.dtype}, {found}",
             "uint8, uint16, or numbers from 0 to 1",
-            "choose one component, or divide by the largest",
+            "choose one component, or " + ("divide by the largest" if finite else "replace them by 0"),
         )
     _memory.require(4 * values[..., 0].size * 2, "the opacities of colours")
     full = float(np.iinfo(values.dtype).max) if integers else 1.0

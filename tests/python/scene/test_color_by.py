@@ -218,6 +218,7 @@ BAD = {
         lambda: ss.RegularField(np.ones((3, 3, 3)), labels=True).with_color("red"),
         "labels.*with_label_colors",
     ),
+    "colours with gaps": (lambda: ss.RegularField(np.full((3, 3, 3, 3), np.nan)), "some of them not finite"),
     "a channel of colours": (lambda: ss.RegularField(np.ones((3, 3, 3, 3))).with_color("red"), "leave it out"),
     "number": (lambda: ss.Scene(ss.RegularField(BALL), GREY, color_by=3), "color_by"),
     "two for one": (lambda: ss.Scene(ss.RegularField(BALL), GREY, color_by=[None, None]), "1 groups"),
@@ -247,6 +248,10 @@ def test_bad_colours_are_refused(kind):
         ss.render(BALL, color_by=WAVE, mode="mip", size=8)
     with pytest.warns(ss.PictureWarning, match="color_map changes nothing"):
         ss.render(BALL, color_map="magma", size=8)
+    with pytest.warns(ss.PictureWarning, match="color_map changes nothing: the field of color_by has its own colours"):
+        ss.render(BALL, color_by=(ss.RegularField(WAVE), TURBO), color_map="magma", size=8)
+    with pytest.warns(ss.PictureWarning, match="cmap, clim change nothing in a picture of colours"):
+        ss.render(np.stack([BALL] * 3, -1), cmap="magma", clim=(0, 1), size=8)
 
 
 def test_what_lies_beside_the_data_is_told():

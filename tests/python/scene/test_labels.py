@@ -201,8 +201,12 @@ def test_labels_are_found_where_they_look_like_that(tmp_path):
         shown = ss.render(things(), size=20, **{**asked, **({"mode": "isosurface"} if "iso_value" in asked else {})})
         assert not shown.recipe.fields[0].options["labels"]
     assert not ss.RegularField(things()).labels
-    with pytest.warns(ss.PictureWarning, match="change nothing in a picture of labels"):
-        ss.render(ss.RegularField(things(), labels=True), cmap="magma", size=10)
+    for options, words in (
+        ({"cmap": "magma"}, "cmap changes"),
+        ({"cmap": "magma", "opacity": 0.1}, "cmap, opacity change"),
+    ):
+        with pytest.warns(ss.PictureWarning, match=words + " nothing in a picture of labels"):
+            ss.render(ss.RegularField(things(), labels=True), size=10, **options)
 
 
 def test_label_colors():
@@ -211,6 +215,8 @@ def test_label_colors():
     assert colors.at([-1, -0.5, 3]).tolist() == [[0, 1, 0, 0.25], [0, 1, 0, 0], [1, 0, 0, 1]]
     assert pickle.loads(pickle.dumps(colors)) == colors and colors != ss.LabelColors({3: "red"})
     assert colors.name_of(3) == "a" and colors.name_of(9) == "label 9" and "a" in repr(colors)
+    assert repr(ss.LabelColors({3: "red"}, {3: "a"})) == "LabelColors(1 label: a)"
+    assert repr(ss.LabelColors({})) == "LabelColors(0 labels)"
     many = ss.LabelColors.distinct(range(40))
     assert 0 not in many.colors and len({rgba[:3] for rgba in many.colors.values()}) == 39
     assert many.colors[7] == ss.LabelColors.distinct([7]).colors[7]
@@ -225,7 +231,7 @@ def test_label_colors():
 
 BAD = {
     "half labels": (lambda: ss.RegularField(np.full((3, 3, 3), 0.5), labels=True), "whole numbers"),
-    "prefilter": (lambda: ss.RegularField(things(), labels=True, prefilter=True), "prefilter"),
+    "prefilter": (lambda: ss.RegularField(things(), labels=True, prefilter=True), "prefilter=True;"),
     "normalization": (lambda: ss.RegularField(things(), labels=True, normalization="none"), "normalization"),
     "base": (lambda: ss.RegularField(things(), labels=True, base=3.0), "base"),
     "mip": (lambda: ss.render(ss.RegularField(things(), labels=True), mode="mip", size=8), "mode"),
@@ -234,6 +240,7 @@ BAD = {
     "no colour": (lambda: ss.LabelColors({1: (1, 2)}), "red, green, blue"),
     "opacity": (lambda: ss.LabelColors({1: (1, 1, 1, 2)}), "0 to 1"),
     "no label": (lambda: ss.LabelColors({1.5: "red"}), "label"),
+    "no text": (lambda: ss.LabelColors({1: "red"}, names={1: 5}), "a name cannot be used: found 5; wanted a text"),
     "no mapping": (lambda: ss.LabelColors([1, 2]), "a mapping such as a dict"),
     "colours to 255": (lambda: ss.LabelColors({1: (255, 0, 0)}), "from 0 to 1"),
     "beyond 41 bits": (lambda: ss.LabelColors({2**40: "red"}), "number them anew"),

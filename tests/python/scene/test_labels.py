@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+import warnings
 
 import numpy as np
 import pytest
@@ -16,8 +17,8 @@ from sheetsplat.fields.labelled import look_like_labels
 
 
 def weights(values, label, points, radius=2.0, falloff=5.0):
-    """Return W of a label at points (M, 3): its samples, mirrored half a sample beyond the ends, by brute force."""
-    folded = np.pad(values, 4, mode="symmetric")
+    """Return W of a label at points (M, 3): its samples, mirrored at the outermost ones, by brute force."""
+    folded = np.pad(values, 4, mode="reflect")
     at = np.argwhere(folded == label)[:, ::-1] - 4.0
     total = np.zeros(len(points))
     edge = math.exp(-falloff)
@@ -378,3 +379,54 @@ def test_the_camera_frames_surfaces_of_labels_as_it_does_their_volumes(function)
     )
     assert surfaces.height == pytest.approx(volume.height, rel=0.02)
     assert surfaces.target == pytest.approx(volume.target, abs=0.5) and volume.height < 25
+
+
+def thin():
+    """Return a block, 1, a cross, 2, a plate, 3, a line, 4, a sample, 5, and a line at the volume's edge, 6."""
+    values = np.zeros((20, 20, 20), np.uint8)
+    values[2:6, 2:6, 2:6], values[10, 12:18, 2:8], values[15, 15, 4:16], values[5, 15, 15], values[0, 0, 8:18] = (
+        1, 3, 4, 5, 6,
+    )  # fmt: skip
+    for axis in range(3):
+        values[tuple(slice(9, 12) if one == axis else 10 for one in range(3))] = 2
+    return values
+
+
+@pytest.mark.parametrize(("kind", "missing"), [("u1", 0), ("i8", 0), ("f4", np.nan)])
+@pytest.mark.parametrize("mode", ["composite", "isosurface"])
+def test_labels_too_thin_to_be_seen_are_told(kind, missing, mode):
+    """Those that are told are those of which a picture from near, of each alone, has nothing."""
+    values = thin().astype(kind)
+    values[values == 0] = missing
+    field = ss.RegularField(values, labels=True, nan="skip").with_label_colors(ss.LabelColors({}, {4: "nerve"}))
+    told = field.labels_unseen(range(1, 9))
+    for label in range(1, 7):
+        alone = ss.Scene(field, ss.LabelColors({label: "red"}), mode=mode, slice_spacing=0.3)
+        camera = ss.Camera.fit(field, direction=(0.3, 1, 0.4))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ss.PictureWarning)
+            seen = ss.Renderer("cpu").render(alone, camera, (160, 160)).rgba.any()
+        assert seen == (label not in told), label
+    if missing == 0:
+        assert told == (4, 5, 6)
+        with pytest.warns(ss.PictureWarning, match="labels are not seen: nerve, label 5, label 6: single samples"):
+            ss.render(field, mode=mode, size=16)
+
+
+def test_labels_that_were_too_thin_are_seen_where_samples_are_repeated():
+    repeated = thin().repeat(2, 0).repeat(2, 1).repeat(2, 2)
+    assert ss.RegularField(repeated, labels=True).labels_unseen(range(1, 7)) == ()
+
+
+def test_why_a_picture_of_labels_is_empty_is_told():
+    values = np.zeros((9, 9, 9), np.uint8)
+    values[4, 4, 4] = 7
+    away = ss.Clip(planes=[((0, 0, 1), 90)])
+    for data, options, words in (
+        (values, {}, "picture: label 7: single samples"),
+        (things(), {"transfer_function": ss.LabelColors({8: "red"})}, "no label of the data has a colour"),
+        (things(), {"clip": away}, "the clip cuts off"),
+    ):
+        for mode in ("composite", "isosurface"):
+            with pytest.warns(ss.PictureWarning, match=words):
+                ss.render(ss.RegularField(data, labels=True), mode=mode, size=16, **options)

@@ -254,6 +254,17 @@ def test_bad_colours_are_refused(kind):
         ss.render(np.stack([BALL] * 3, -1), cmap="magma", clim=(0, 1), size=8)
 
 
+def test_components_of_colours_are_summed_in_sheets_and_one_field_at_points():
+    """Fog shows at nearly all points: three sums at each of them took 5 to 9 times as long as their sheets."""
+    options = {"size": 40, "backend": "cpu", "quality": "draft", "shading": False}
+    camera = ss.Camera.fit(ss.RegularField(BALL), direction=(1, 0.7, 0.4))
+    plain, colored, volume = (
+        ss.render(data, camera=camera, **options, **more).stats["sections_drawn"]
+        for data, more in ((BALL, {}), (BALL, {"color_by": WAVE}), (np.stack([BALL] * 3, -1).astype(np.float32), {}))
+    )
+    assert colored == plain and volume > 3 * plain
+
+
 def test_what_lies_beside_the_data_is_told():
     away = ss.RegularField(WAVE, origin=(100, 0, 0))
     with pytest.warns(ss.PictureWarning, match="color_by lies beside the data"):

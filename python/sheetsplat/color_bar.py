@@ -143,7 +143,8 @@ def _bar_of_labels(function: LabelColors, quantity: Quantity) -> ColorBar:
     part = np.arange(_COLORS) * len(rows) // _COLORS
     table = np.array([[*rgba[:3], 1.0] for _, rgba in rows])[part]
     step = -(-len(rows) // _MOST_NAMES)
-    names = tuple((n + 0.5, function.name_of(label)) for n, (label, _) in enumerate(rows) if n % step == 0)
+    # From the top, as the page and figures leave out more of them where there is no room.
+    names = tuple((n + 0.5, function.name_of(rows[n][0])) for n in range(len(rows) - 1, -1, -step))[::-1]
     return ColorBar(table, 0.0, float(len(rows)), False, quantity.name or "labels", names=names)
 
 
@@ -181,17 +182,17 @@ def _integral_label(quantity: Quantity) -> str:
 
 
 def draw_bar(picture: Any, bar: ColorBar, *, into: Any = None, most: int = 9) -> Any:
-    """Draw a bar beside the axes of a picture, or into axes of its own, with at most so many numbers; return it."""
+    """Draw a bar beside the axes of a picture, or into axes of its own, with at most so many numbers; return it.
+
+    Names of labels are left to the figure, which knows how much room they have.
+    """
     colors = module_of("colors")
     norm = (colors.LogNorm if bar.log else colors.Normalize)(bar.low, bar.high)
     mappable = module_of("cm").ScalarMappable(norm, colors.ListedColormap(bar.colors))
     made = picture.figure.colorbar(mappable, ax=None if into else picture, cax=into)
     if into is None:
         made.ax.set_axes_locator(partial(_beside, picture))
-    if bar.names:
-        made.set_ticks([place for place, _ in bar.names], labels=[name for _, name in bar.names])
-        made.ax.tick_params(length=0.0)
-    else:
+    if not bar.names:
         _set_numbers(made, bar, most)
     if bar.opacities is not None:
         _draw_opacities(made.ax, bar, bar.opacities)

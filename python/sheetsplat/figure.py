@@ -44,6 +44,9 @@ _BAR = 1.6
 # Characters in the height of two letters, the usual ratio; lines of a label have at least so many.
 _WIDTH_OF_LETTER = 0.55
 _SHORTEST_LINE = 12
+# Names of labels: letters in a line and in all, and the height of a line in that of letters.
+_NAME_LINE, _NAME_LETTERS = 24, 240
+_LINE = 1.25
 # Names from files are no TeX.
 _AS_IT_IS = {"parse_math": False, "usetex": False}
 
@@ -189,14 +192,19 @@ def to_axes(image: Image, ax: Any, given: Mapping[str, Any]) -> Any:
     _letter_numbers(ax, options)
     if title := _title(image, options):
         _letter(ax.set_title(title), across, options, math=options["title"] is not None)
+    drawn = []
     for bar, label, may_be_math in bars:
         made = draw_bar(ax, bar)
+        drawn.append((made, bar))
         made.set_label(label)
         _letter(made.ax.yaxis.label, upwards, options, math=may_be_math)
         _letter_numbers(made.ax, options)
+        _letter_names(made, bar, min(upwards, across * height / width))
     if own:
         # Of axes whose pixels are squares, the layout finds its places in steps, one at each drawing.
         ax.figure.draw_without_rendering()
+        for made, bar in drawn:
+            _letter_names(made, bar, 72.0 * made.ax.get_window_extent().height / ax.figure.dpi)
     return ax
 
 
@@ -219,6 +227,27 @@ def _letter_numbers(axes: Any, options: Mapping[str, Any]) -> None:
     axes.tick_params(which="both", **{name: value for name, value in known.items() if value is not None})
     for axis in (axes.xaxis, axes.yaxis):
         _letter(axis.get_offset_text(), math.inf, options, math=True)
+
+
+def _letter_names(made: Any, bar: ColorBar, most: float) -> None:
+    """Put names of labels beside a bar of so many points: as many as have room, from the top, in lines."""
+    if not bar.names:
+        return
+    font = made.ax.yaxis.get_major_ticks()[0].label2.get_fontproperties()
+    size = font.get_size_in_points()
+    step = math.ceil(len(bar.names) * _LINE * size / most)
+    lines = max(int(step * most / len(bar.names) / (_LINE * size)), 1)
+    named = []
+    for place, name in bar.names[::-1][::step]:
+        text = wrapped(name[:_NAME_LETTERS], _NAME_LINE * _WIDTH_OF_LETTER * size, font, math=False)
+        parts = [one for one in text.split("\n") if one]
+        cut = len(parts) > lines or len(name) > _NAME_LETTERS
+        named.append((place, "\n".join(parts[:lines]) + ("…" if cut else "")))
+    named.reverse()
+    made.set_ticks([place for place, _ in named], labels=[name for _, name in named])
+    made.ax.tick_params(length=0.0)
+    for tick in made.ax.yaxis.get_major_ticks():
+        tick.label2.set(**_AS_IT_IS)
 
 
 def annotated(image: Image, given: Mapping[str, Any]) -> PillowImage:
@@ -291,6 +320,7 @@ def _figure(function: str, image: Image, given: Mapping[str, Any]) -> Iterator[A
             )
             made.set_label(label)
             _letter(made.ax.yaxis.label, height * point, options, math=may_be_math)
+            _letter_names(made, bar, height * point)
             # The next one follows the numbers and the label, whose widths depend on the data.
             left = made.ax.get_tightbbox(canvas.get_renderer()).x1 + pixel
         if title := _title(image, options):

@@ -67,7 +67,7 @@ class LabelColors(TransferFunction):
             instance("LabelColors: names", names, Mapping)
         made = {_label(one): _color(given) for one, given in colors.items()}
         self._colors = MappingProxyType(dict(sorted(made.items())))
-        self._names = MappingProxyType({_label(one): str(name) for one, name in (names or {}).items()})
+        self._names = MappingProxyType({_label(one): _name(given) for one, given in (names or {}).items()})
         self._background = _label(background)
         super().__init__(_steps(self._colors))
 
@@ -158,14 +158,21 @@ class LabelColors(TransferFunction):
 
     def __repr__(self) -> str:
         """Return a short description."""
-        told = ", ".join(self._names.get(one, str(one)) for one in list(self._colors)[:8])
-        return f"LabelColors({len(self._colors)} labels: {told}{', …' if len(self._colors) > 8 else ''})"
+        told = [self._names.get(one, str(one)) for one in list(self._colors)[:8]] + ["…"] * (len(self._colors) > 8)
+        count = f"{len(self._colors)} label{'s' * (len(self._colors) != 1)}"
+        return f"LabelColors({count}{': ' * bool(told)}{', '.join(told)})"
 
 
 def _label(value: Any) -> int:
     return whole(
         "LabelColors: a label", value, bits=_BITS, advice="number them anew, by numpy.unique with return_inverse"
     )
+
+
+def _name(given: Any) -> str:
+    if not isinstance(given, str):
+        raise complain(unusable("LabelColors: a name"), shown(given), "a text")
+    return str(given)
 
 
 def _color(given: Any) -> tuple[float, float, float, float]:

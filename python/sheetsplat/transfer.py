@@ -71,17 +71,17 @@ def color_rows(cmap: Colormap) -> Floats:
     return rows
 
 
-def color_limits(clim: Sequence[float], *, positive: bool = False) -> tuple[float, float]:
+def color_limits(clim: Sequence[float], *, positive: bool = False, what: str = "clim") -> tuple[float, float]:
     """Return the two numbers at which a colormap begins and ends, or InvalidInput; `positive`: for a logarithm."""
     wanted = "two numbers, the lower one first"
-    limits = parts("clim", clim, wanted, 2)
+    limits = parts(what, clim, wanted, 2)
     if len(limits) != 2:
-        raise complain(unusable("clim"), shown(clim), wanted)
-    low, high = number("clim", limits[0]), number("clim", limits[1])
+        raise complain(unusable(what), shown(clim), wanted)
+    low, high = number(what, limits[0]), number(what, limits[1])
     if not (np.isfinite(low) and np.isfinite(high) and low < high):
-        raise complain(unusable("clim"), f"({low:g}, {high:g})", "two finite numbers, the lower one first")
+        raise complain(unusable(what), f"({low:g}, {high:g})", "two finite numbers, the lower one first")
     if positive and not low > 0:
-        raise complain(unusable("clim"), f"({low:g}, {high:g}) for a logarithmic scale", "two numbers above 0")
+        raise complain(unusable(what), f"({low:g}, {high:g}) for a logarithmic scale", "two numbers above 0")
     return low, high
 
 

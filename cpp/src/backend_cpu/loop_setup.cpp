@@ -195,8 +195,13 @@ void sum_colors_at_points(const Job& job, LoopSetup<T>& setup, Shading<T>& shadi
         const bool by_sums = sheets.weight_channel < 0 && sheets.own.empty() && !view.field->has_holes();
         // (Kernels of BCC lattices, and those that a filter has widened, are no spheres in units of the samples.)
         const bool are_spheres = view.field->lattice() == Lattice::cartesian && !job.plan->filter;
+        // Three components of a colour at each of many translucent points take longer than their sheets.
+        const bool is_component = std::any_of(shading.groups.begin(), shading.groups.end(), [&](const auto& taking) {
+            const GroupRange& range = taking.colors;
+            return range.first <= number && number < range.last && range.last - range.first > 1;
+        });
         if (group.use.role != GroupRole::colors || group.last - group.first != 1 || setup.record != nullptr ||
-            setup.slab || !by_sums || !are_spheres || 2.0 * radius + 1.0 > PointLattice::most_samples) {
+            setup.slab || !by_sums || !are_spheres || is_component || 2.0 * radius + 1.0 > PointLattice::most_samples) {
             continue;
         }
         PointLattice lattice;

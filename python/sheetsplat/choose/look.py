@@ -118,12 +118,22 @@ def compose_scene(fields: Sequence[Field], *, spacing_is_free: bool = False, **o
         _warn_of_one_value(scene)
     _warn_of_facets(scene)
     _warn_of_what_lies_outside(scene)
-    ignored = [name for name in ("cmap", "clim", "opacity") if options.get(name) is not None]
-    if ignored and free and fields and all(map(is_labelled, fields)):
-        warn(option_refs(ignored) + " change nothing in a picture of labels, whose colours are those of a LabelColors")
+    if free and fields:
+        _warn_of_own_colors(fields, mode, options)
     if scene.options["shadows"] and mode in COLORED and not scene.lights:
         warn(option_ref("shadows", "true") + " changes nothing where there are no lights")
     return scene
+
+
+def _warn_of_own_colors(fields: Sequence[Field], mode: str, options: Mapping[str, Any]) -> None:
+    """Warn of colours and opacities that change nothing, as all fields are labels or colours and have their own."""
+    ignored = [name for name in ("cmap", "clim", "opacity") if options.get(name) is not None]
+    of_labels = all(map(is_labelled, fields))
+    if ignored and (of_labels or mode in COLORED and all(is_labelled(one) or is_colored(one) for one in fields)):
+        owner = (
+            "labels, whose colours are those of a LabelColors" if of_labels else "colours, which are drawn as they are"
+        )
+        warn(option_refs(ignored) + f" change{'s' * (len(ignored) == 1)} nothing in a picture of {owner}")
 
 
 def _coloring(options: Mapping[str, Any], groups: int) -> Any:
@@ -137,6 +147,13 @@ def _coloring(options: Mapping[str, Any], groups: int) -> Any:
                 DEFAULT_CMAP if cmap is None else cmap, 1.0, automatic.choose([field]).clim
             )
         field = (field, cmap)
+    elif cmap is not None:
+        warn(
+            option_ref("color_map")
+            + " changes nothing: the field of "
+            + option_ref("color_by")
+            + " has its own colours"
+        )
     return [field, *[None] * (groups - 1)] if groups > 1 else field
 
 

@@ -35,6 +35,9 @@ CAMERAS = {
 }
 _MOST_OBJECTS = 4096
 _LABELS = ("colors", "names", "background")
+# Options that take a transfer function.
+_FUNCTIONS = ("transfer_function", "color_map")
+_ROWS = Sequence[tuple[float, float, float, float, float]]
 # Texts of numbers may have any number of digits.
 _LARGEST = sys.float_info.max
 
@@ -88,7 +91,7 @@ def function_of(value: Any) -> TransferFunction:
             raise complain("", shown(value), "colours of four numbers, names, and a background, by label")
         told, called = ({_label_of(key): one for key, one in part.items()} for part in (colors, names))
         return LabelColors(told, called, background)
-    if not fits(value, Sequence[tuple[float, float, float, float, float]]):
+    if not fits(value, _ROWS):
         raise complain("", shown(value), "rows of five numbers")
     return TransferFunction(value)
 
@@ -129,14 +132,16 @@ def value_of(option: Option, value: Any) -> Any:
 
     Raises InvalidInput where the value has no meaning for this option, whatever the others are.
     """
-    if option.name == "transfer_function" and isinstance(value, dict | list) and value:
-        tables = value if isinstance(value, list) else [value]
-        if any(isinstance(one, dict) for one in tables):
+    if option.name in _FUNCTIONS and isinstance(value, dict | list) and value:
+        # One function, or several; rows of five numbers are no colormap, whose rows have three or four.
+        alone = isinstance(value, dict) or (option.name == "color_map" and fits(value, _ROWS))
+        tables = [value] if alone else value
+        if alone or any(isinstance(one, dict) for one in tables):
             try:
                 functions = [function_of(one) for one in tables]
             except Error as error:
                 raise _wrong(option, value, error.complaint.wanted.text()) from None
-            return functions if isinstance(value, list) else functions[0]
+            return functions[0] if alone else functions
     kind, several = class_of(option.type)
     if kind is not None and (isinstance(value, dict) or several) and value not in choices_of(option.type):
         tables = value if isinstance(value, list) else [value]

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat import _memory, _sheetsplat
+from sheetsplat._checks import Bounds
+from sheetsplat._properties import Forwarded
 from sheetsplat.fields import labelled
 
 
@@ -16,8 +19,10 @@ class Apart:
 
     __slots__ = ()
     _colors: NDArray[Any] | None
-    # By labels, by ("color", component), and "found": which labels there are.
+    # By labels, by ("color", component), "found": which labels there are, and ("unseen", labels): which of these hide.
     _parts_made: dict[Any, Any]
+    radius: Forwarded[float]
+    falloff: Forwarded[float]
 
     if TYPE_CHECKING:
 
@@ -29,6 +34,14 @@ class Apart:
         def prefilter(self) -> bool:
             """Whether the kernels' sum passes through the samples."""
 
+        @property
+        def lattice(self) -> str:
+            """The lattice of the samples."""
+
+        @property
+        def domain(self) -> Bounds | None:
+            """Where the volume ends."""
+
         def _made(self, samples: NDArray[Any], **options: Any) -> _sheetsplat.RegularField: ...
 
         def _with(self, **changes: Any) -> Self: ...
@@ -39,6 +52,23 @@ class Apart:
         if "found" not in self._parts_made:
             self._parts_made["found"] = labelled.labels_in(self.values)
         found: tuple[int, ...] = self._parts_made["found"]
+        return found
+
+    def labels_unseen(self, shown: Iterable[int]) -> tuple[int, ...]:
+        """Return which labels of those that are shown are nowhere the largest, and so not seen.
+
+        Of a BCC lattice, and of a volume in bricks, none are told.
+        """
+        if self.lattice != "cartesian" or self.values.size == 0:
+            return ()
+        wanted = tuple(sorted(set(shown) & set(self.labels_found)))
+        key = "unseen", wanted
+        if key not in self._parts_made:
+            mirrored = self.domain is not None
+            self._parts_made[key] = labelled.nowhere_largest(
+                self.values, wanted, self.radius, self.falloff, mirrored=mirrored
+            )
+        found: tuple[int, ...] = self._parts_made[key]
         return found
 
     def part_of_label(self, label: int) -> _sheetsplat.RegularField:

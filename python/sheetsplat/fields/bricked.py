@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, NoReturn, Protocol
 
 import numpy as np
@@ -288,6 +289,10 @@ class BrickedField(RegularField):
     def labels_found(self) -> tuple[int, ...]:
         """The labels among the samples, from the least one on. InvalidInput for more than are told apart."""
         return labelled.told_apart(self.survey.labels_in())
+
+    def labels_unseen(self, shown: Iterable[int]) -> tuple[int, ...]:
+        """Return nothing: the samples of bricks are not looked at twice."""
+        return ()
 
     def part_of_label(self, label: int) -> _sheetsplat.RegularField:
         """Return a native field of two samples, 0 and 1, for what scenes ask the field of a label for."""

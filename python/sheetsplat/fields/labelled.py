@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
@@ -14,6 +15,8 @@ from sheetsplat.notices import warn
 
 #: Most labels that are told apart in one field.
 MOST_LABELS = 256
+# Layers, and samples of a label, that are looked at together; what stands for a sample that is missing is no label.
+_LAYERS, _AT_ONCE, _MISSING = 16, 1000, 60
 
 
 def require_labels(values: NDArray[Any], **options: Any) -> None:
@@ -26,7 +29,7 @@ def require_labels(values: NDArray[Any], **options: Any) -> None:
         if value != plain:
             raise complain(
                 "RegularField: labels cannot be used",
-                option_ref(name, str(value)),
+                option_ref(name, str(value).lower() if isinstance(value, bool) else str(value)),
                 f"{name} as it is unless given: labels are not added up",
                 "leave it out",
                 option=name,
@@ -68,6 +71,76 @@ def told_apart(labels: Iterable[int]) -> tuple[int, ...]:
     return found
 
 
+def nowhere_largest(
+    values: NDArray[Any], labels: Iterable[int], radius: float, falloff: float, *, mirrored: bool
+) -> tuple[int, ...]:
+    """Return which labels weigh, at none of their samples, more than each other label there: they are not seen.
+
+    Labels with four samples in a square are none of them; others are looked at sample by sample.
+
+    Parameters
+    ----------
+    values
+        The samples, [k, j, i].
+    labels
+        Those that are looked at.
+    radius, falloff
+        Of the kernel, in sample distances.
+    mirrored
+        Whether samples are mirrored beyond the outermost ones, as where a volume has a domain.
+    """
+    left = set(labels)
+    for first in range(0, len(values), _LAYERS):
+        slab = values[first : first + _LAYERS + 1]
+        if slab.dtype.kind == "f":
+            slab = np.nan_to_num(slab, nan=2.0**_MISSING).astype(np.int64)
+        for axis in range(3):
+            if left:
+                found = _squares(np.moveaxis(slab, axis, 0))
+                left -= set(np.unique(found[np.isin(found, np.array(sorted(left)))]).tolist())
+    kernel = _kernel(radius, falloff)
+    return tuple(one for one in sorted(left) if not _is_seen(values, one, kernel, mirrored=mirrored))
+
+
+def _squares(layers: NDArray[Any]) -> NDArray[Any]:
+    """Return the label of each square of four samples of one label in layers."""
+    corner, *others = (layers[:, j : j - 1 or None, i : i - 1 or None] for j in (0, 1) for i in (0, 1))
+    solid = corner == others[0]
+    for one in others[1:]:
+        solid &= corner == one
+    found: NDArray[Any] = corner[solid]
+    return found
+
+
+def _kernel(radius: float, falloff: float) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the steps from a sample to those whose kernels reach it, (N, 3), and their weights, (N,)."""
+    reach = math.ceil(radius)
+    steps = np.mgrid[3 * (slice(-reach, reach + 1),)].reshape(3, -1).T
+    squares = (steps**2).sum(axis=1) / radius**2
+    near = squares < 1.0
+    return steps[near], np.exp(-falloff * squares[near]) - math.exp(-falloff)
+
+
+def _is_seen(
+    values: NDArray[Any], label: int, kernel: tuple[NDArray[np.int64], NDArray[np.float64]], *, mirrored: bool
+) -> bool:
+    """Return whether a label weighs more than each other one at some sample of its own."""
+    steps, weights = kernel
+    reach = int(steps.max(initial=0))
+    places = [np.pad(np.arange(count), reach, mode="reflect") for count in values.shape]
+    at = np.argwhere(values == label)
+    for first in range(0, len(at), _AT_ONCE):
+        near = at[first : first + _AT_ONCE, None] + steps
+        around = values[tuple(place[near[..., axis] + reach] for axis, place in enumerate(places))]
+        counted = weights if mirrored else weights * ((near >= 0) & (near < values.shape)).all(axis=2)
+        own = ((around == label) * counted).sum(axis=1)
+        others = [one for one in np.unique(around).tolist() if one != label and not math.isnan(one)]
+        largest = [((around == one) * counted).sum(axis=1) for one in others]
+        if (own > np.max(largest, axis=0, initial=0.0)).any():
+            return True
+    return False
+
+
 def split_colors(values: Any) -> tuple[Any, NDArray[Any] | None]:
     """Return the scalars of samples of colours, float32, and the colours; of anything else itself, and None.
 
@@ -81,13 +154,15 @@ def split_colors(values: Any) -> tuple[Any, NDArray[Any] | None]:
     if not isinstance(values, np.ndarray) or values.ndim != 4 or values.shape[-1] not in (3, 4) or not values.size:
         return values, None
     integers = values.dtype in (np.uint8, np.uint16)
-    outside = not integers and not (values.dtype.kind == "f" and values.min() >= 0.0 and values.max() <= 1.0)
-    if outside:
+    low, high = values.min(), values.max()
+    if not integers and not (values.dtype.kind == "f" and low >= 0.0 and high <= 1.0):
+        finite = bool(np.isfinite(low) and np.isfinite(high))
+        found = f"from {low:g} to {high:g}" if finite else "some of them not finite"
         raise complain(
             "RegularField: colours cannot be used",
-            f"{values.shape[-1]} components of type {values.dtype}, from {values.min():g} to {values.max():g}",
+            f"{values.shape[-1]} components of type {values.dtype}, {found}",
             "uint8, uint16, or numbers from 0 to 1",
-            "choose one component, or divide by the largest",
+            "choose one component, or " + ("divide by the largest" if finite else "replace them by 0"),
         )
     _memory.require(4 * values[..., 0].size * 2, "the opacities of colours")
     full = float(np.iinfo(values.dtype).max) if integers else 1.0

@@ -82,7 +82,7 @@ class Stating:
             raise complain(unusable(what), f"a volume of {found}", "a volume of values", advice)
         if made is not None and max(made) > 1.0:
             raise complain(unusable(what), shown(shade), "red, green and blue from 0 to 1")
-        limits = None if window is None else color_limits(window)
+        limits = None if window is None else color_limits(window, what="RegularField: window")
         return self._with(_stated=self._stated._replace(color=made, window=limits))
 
     @property

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sheetsplat.fields import BrickedField, EllipsoidField, Field, RegularField
+from sheetsplat.labels import LabelColors
 from sheetsplat.look import automatic
 from sheetsplat.look.histogram import stride_of
 from sheetsplat.modes import TRAITS
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 # Share of the values that are few, and how many are classified at once.
 _FEW = 1e-3
+# Names of labels in a warning.
+_TOLD = 4
 _AT_ONCE = 1_000_000
 # How far sums leave the range of the samples at most, as a share of it: such as pass through them, next to steps and
 # borders, and others by their ripple.
@@ -58,6 +61,8 @@ def warn_of_unseen(image: Image, scene: Scene) -> None:
         why = why_empty(scene, image.camera, image.size, hidden=image.plan.has("depth_limit"))
         warn("nothing can be seen in the picture: " + why)
         return
+    if thin := _thin_labels(scene):
+        warn("labels are not seen: " + _told_thin(thin))
     if outside := why_one_color(image, scene):
         warn("all values have one colour in the picture: " + outside)
     if absent := _absent_surfaces(scene):
@@ -81,6 +86,8 @@ def why_empty(
     known = [one for one in scene.fields if one.size]
     if not known:
         return "the field has no kernels" if isinstance(scene.fields[0], EllipsoidField) else "all samples are NaN"
+    if all(isinstance(one, RegularField) and one.labels for one in known):
+        return _why_no_label(scene, hidden=hidden)
     ranges = [_range_of(one) for one in known]
     low, high = sum(low for low, _ in ranges), sum(high for _, high in ranges)
     values = f"the values {low:g} to {high:g}"
@@ -102,10 +109,8 @@ def why_empty(
                 f"the opacity is 0 for all of {values}; "
                 f"the transfer function goes from {function.v_min:g} to {function.v_max:g}"
             )
-    if hidden:
-        return "perhaps the surface whose depths were given as depth_limit hides all that there is"
-    if scene.options["clip"].planes or scene.options["clip"].region is not None:
-        return "perhaps the clip cuts off all that there is, or the camera looks past the field"
+    if why := _why_hidden(scene, hidden=hidden):
+        return why
     if scene.options["filter"] == "ewa":
         return "perhaps the filter lowers all values to where the opacity is 0, or the camera looks past the field"
     if camera is not None and size is not None and may_be_thin(scene, camera, size):
@@ -113,6 +118,48 @@ def why_empty(
     if seen := _few_seen(scene, known):
         return seen
     return "perhaps the camera looks past the field"
+
+
+def _why_hidden(scene: Scene, *, hidden: bool) -> str:
+    if hidden:
+        return "perhaps the surface whose depths were given as depth_limit hides all that there is"
+    if scene.options["clip"].planes or scene.options["clip"].region is not None:
+        return "perhaps the clip cuts off all that there is, or the camera looks past the field"
+    return ""
+
+
+def _shown_labels(scene: Scene) -> Iterator[tuple[RegularField, LabelColors, list[int]]]:
+    """Yield the fields of labels, their colours, and which of their labels have one."""
+    for group, function in zip(scene.groups, scene.transfer_functions, strict=True):
+        field = group[0]
+        if isinstance(field, RegularField) and field.labels and field.size:
+            colors = LabelColors.of(function, field.labels_found)
+            yield field, colors, [one for one in field.labels_found if colors.colors.get(one, (0.0,))[-1] > 0.0]
+
+
+def _thin_labels(scene: Scene) -> list[str]:
+    """Return what labels are called that have a colour, and are too thin to be seen anywhere."""
+    return [
+        colors.name_of(label) for field, colors, labels in _shown_labels(scene) for label in field.labels_unseen(labels)
+    ]
+
+
+def _told_thin(names: Sequence[str]) -> str:
+    told = ", ".join(names[:_TOLD]) + f" and {len(names) - _TOLD} more" * (len(names) > _TOLD)
+    return (
+        f"{told}: single samples, and lines one sample wide, weigh less than what is around them; "
+        "repeat samples along each axis to show them"
+    )
+
+
+def _why_no_label(scene: Scene, *, hidden: bool) -> str:
+    """Return the probable reason why the picture of a scene of labels alone shows nothing."""
+    shown, thin = sum(len(labels) for _, _, labels in _shown_labels(scene)), _thin_labels(scene)
+    if not shown:
+        return "no label of the data has a colour and an opacity"
+    if len(thin) == shown:
+        return _told_thin(thin)
+    return _why_hidden(scene, hidden=hidden) or "perhaps the camera looks past the field"
 
 
 def _outside(scene: Scene, low: float, high: float, base: float) -> list[float]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sheetsplat._checks import Bounds, triple
 from sheetsplat.camera import Camera, bounds_of
 from sheetsplat.fields import EllipsoidField, Field, RegularField
+from sheetsplat.labels import LabelColors
 from sheetsplat.look.measure import Floats, Measure, coarse_picture, measure_kernels, measure_volumes
 from sheetsplat.modes import TRAITS
 from sheetsplat.scene import Scene
@@ -185,6 +186,8 @@ def _measures(scene: Scene) -> Iterator[tuple[Measure, Sequence[Field], Transfer
             if isinstance(field, EllipsoidField):
                 yield measure_kernels(field), [one for one in fields if one is not field], function
         volumes = [one for one in fields if isinstance(one, RegularField)]
+        if volumes and volumes[0].labels:
+            function = LabelColors.of(function, volumes[0].labels_found)
         while volumes:
             alike = [one for one in volumes if _lattice(one) == _lattice(volumes[0])]
             others = [one for one in fields if not any(one is other for other in alike)]
@@ -222,10 +225,11 @@ def _depths(values: Floats, scene: Scene, function: TransferFunction) -> Floats:
     if mode.is_scalar:
         low, high = _limits_of(scene)
         return np.where(values > low + _VISIBLE * (high - low), 1e3 / scene.reference_length, 0.0)
-    if mode.shows_surfaces:
-        # A wall of any thickness hides what is behind it.
-        lowest = min((value for value, opacity in scene.surfaces if opacity > 0), default=math.inf)
-        return np.where(values >= lowest, 1e3 / scene.reference_length, 0.0)
     opacity = function.at(values)[..., 3]
+    if mode.shows_surfaces:
+        # A wall of any thickness hides what is behind it. Labels have surfaces at their borders, not at iso values.
+        lowest = min((value for value, opacity in scene.surfaces if opacity > 0), default=math.inf)
+        inside = opacity > 0 if isinstance(function, LabelColors) else values >= lowest
+        return np.where(inside, 1e3 / scene.reference_length, 0.0)
     found: Floats = -np.log1p(-np.minimum(opacity, 1.0 - 1e-9)) / scene.reference_length
     return found

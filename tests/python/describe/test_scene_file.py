@@ -337,3 +337,37 @@ def test_colours_of_labels_are_written_and_those_of_another_field_refused(tmp_pa
     colored = ss.render(labels, labels=False, color_by=labels[::-1], **SMALL)
     with pytest.raises(ss.InvalidInput, match="colours of another field"):
         ss.SceneFile.of(colored)
+
+
+@pytest.mark.parametrize(
+    "colors",
+    [
+        ss.TransferFunction([(0, 1, 0, 0, 1), (60, 0, 0.5, 1, 1)]),
+        ss.LabelColors({0: "red", 40: "blue"}, names={40: "b"}),
+    ],
+)
+def test_transfer_functions_of_another_field_are_written(tmp_path, colors):
+    z, y, x = np.mgrid[-1:1:9j, -1:1:9j, -1:1:9j]
+    np.save(tmp_path / "a.npy", 9.0 * np.exp(-(x**2 + y**2 + z**2)))
+    np.save(tmp_path / "b.npy", 40.0 * (x > 0))
+    options = {"color_by": tmp_path / "b.npy", "color_map": colors, **SMALL}
+    image = ss.render(tmp_path / "a.npy", **options)
+    ss.SceneFile.of_options(tmp_path / "a.npy", **options).save(tmp_path / "a.toml")
+    again = ss.SceneFile.read(tmp_path / "a.toml").render()
+    assert again.recipe.colors == image.recipe.colors and np.array_equal(again.rgba, image.rgba)
+    assert not np.array_equal(image.rgba, ss.render(tmp_path / "a.npy", **{**options, "color_map": None}).rgba)
+
+
+def test_colours_at_values_of_another_field_go_through_a_scene_file_of_the_command_line(tmp_path):
+    np.save(tmp_path / "a.npy", np.arange(216.0).reshape(6, 6, 6))
+    colors = "0:red,90:#ff8000,200:white"
+    of = [tmp_path / "a.npy", "--color-by", tmp_path / "a.npy", "--color-map", colors, "--size", 16]
+    run("render", *of, "-o", tmp_path / "a.toml")
+    run("render", *of, "-o", tmp_path / "a.png")
+    run("render", tmp_path / "a.toml", "-o", tmp_path / "b.png")
+    assert np.array_equal(read_picture(tmp_path / "a.png"), read_picture(tmp_path / "b.png"))
+
+
+def test_tables_that_are_no_colours_of_another_field_are_told(tmp_path):
+    with pytest.raises(ss.InvalidInput, match="line 5: color_map cannot be used"):
+        ss.SceneFile.read(write(tmp_path, "[look]\ncolor_map = {x = 1}"))

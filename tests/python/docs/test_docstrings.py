@@ -8,6 +8,7 @@ import pkgutil
 import textwrap
 import types
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -59,6 +60,14 @@ def check_examples(target, name):
 def test_examples_of_docstrings(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     check_examples(NAMES[name], name)
+
+
+def test_every_public_name_is_on_the_page():
+    page = Path(__file__).parents[3] / "python/docs/api.md"
+    if not page.is_file():
+        pytest.skip("no pages beside the tests")
+    listed = {line.strip().removeprefix("sheetsplat.") for line in page.read_text(encoding="utf-8").splitlines()}
+    assert {name for name in NAMES if name not in listed} == set()
 
 
 def test_properties_have_docstrings_of_their_own():

@@ -464,7 +464,7 @@ def test_bad_colors_of_fields():
     for wrong in ((1, 2), "nothing", (2, 0, 0), 3):
         with pytest.raises(ss.InvalidInput, match="color"):
             field.with_color(wrong)
-    with pytest.raises(ss.InvalidInput, match="clim"):
+    with pytest.raises(ss.InvalidInput, match="RegularField: window cannot be used"):
         field.with_color("red", (3, 2))
     with pytest.raises(ss.InvalidInput, match="label_colors .* a volume of values"):
         field.with_label_colors(ss.LabelColors({1: "red"}))

@@ -218,6 +218,7 @@ BAD = {
         lambda: ss.RegularField(np.ones((3, 3, 3)), labels=True).with_color("red"),
         "labels.*with_label_colors",
     ),
+    "colours with gaps": (lambda: ss.RegularField(np.full((3, 3, 3, 3), np.nan)), "some of them not finite"),
     "a channel of colours": (lambda: ss.RegularField(np.ones((3, 3, 3, 3))).with_color("red"), "leave it out"),
     "number": (lambda: ss.Scene(ss.RegularField(BALL), GREY, color_by=3), "color_by"),
     "two for one": (lambda: ss.Scene(ss.RegularField(BALL), GREY, color_by=[None, None]), "1 groups"),
@@ -247,6 +248,21 @@ def test_bad_colours_are_refused(kind):
         ss.render(BALL, color_by=WAVE, mode="mip", size=8)
     with pytest.warns(ss.PictureWarning, match="color_map changes nothing"):
         ss.render(BALL, color_map="magma", size=8)
+    with pytest.warns(ss.PictureWarning, match="color_map changes nothing: the field of color_by has its own colours"):
+        ss.render(BALL, color_by=(ss.RegularField(WAVE), TURBO), color_map="magma", size=8)
+    with pytest.warns(ss.PictureWarning, match="cmap, clim change nothing in a picture of colours"):
+        ss.render(np.stack([BALL] * 3, -1), cmap="magma", clim=(0, 1), size=8)
+
+
+def test_components_of_colours_are_summed_in_sheets_and_one_field_at_points():
+    """Fog shows at nearly all points: three sums at each of them took 5 to 9 times as long as their sheets."""
+    options = {"size": 40, "backend": "cpu", "quality": "draft", "shading": False}
+    camera = ss.Camera.fit(ss.RegularField(BALL), direction=(1, 0.7, 0.4))
+    plain, colored, volume = (
+        ss.render(data, camera=camera, **options, **more).stats["sections_drawn"]
+        for data, more in ((BALL, {}), (BALL, {"color_by": WAVE}), (np.stack([BALL] * 3, -1).astype(np.float32), {}))
+    )
+    assert colored == plain and volume > 3 * plain
 
 
 def test_what_lies_beside_the_data_is_told():

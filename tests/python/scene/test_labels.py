@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+import warnings
 
 import numpy as np
 import pytest
@@ -16,8 +17,8 @@ from sheetsplat.fields.labelled import look_like_labels
 
 
 def weights(values, label, points, radius=2.0, falloff=5.0):
-    """Return W of a label at points (M, 3): its samples, mirrored half a sample beyond the ends, by brute force."""
-    folded = np.pad(values, 4, mode="symmetric")
+    """Return W of a label at points (M, 3): its samples, mirrored at the outermost ones, by brute force."""
+    folded = np.pad(values, 4, mode="reflect")
     at = np.argwhere(folded == label)[:, ::-1] - 4.0
     total = np.zeros(len(points))
     edge = math.exp(-falloff)
@@ -201,8 +202,12 @@ def test_labels_are_found_where_they_look_like_that(tmp_path):
         shown = ss.render(things(), size=20, **{**asked, **({"mode": "isosurface"} if "iso_value" in asked else {})})
         assert not shown.recipe.fields[0].options["labels"]
     assert not ss.RegularField(things()).labels
-    with pytest.warns(ss.PictureWarning, match="change nothing in a picture of labels"):
-        ss.render(ss.RegularField(things(), labels=True), cmap="magma", size=10)
+    for options, words in (
+        ({"cmap": "magma"}, "cmap changes"),
+        ({"cmap": "magma", "opacity": 0.1}, "cmap, opacity change"),
+    ):
+        with pytest.warns(ss.PictureWarning, match=words + " nothing in a picture of labels"):
+            ss.render(ss.RegularField(things(), labels=True), size=10, **options)
 
 
 def test_label_colors():
@@ -211,6 +216,8 @@ def test_label_colors():
     assert colors.at([-1, -0.5, 3]).tolist() == [[0, 1, 0, 0.25], [0, 1, 0, 0], [1, 0, 0, 1]]
     assert pickle.loads(pickle.dumps(colors)) == colors and colors != ss.LabelColors({3: "red"})
     assert colors.name_of(3) == "a" and colors.name_of(9) == "label 9" and "a" in repr(colors)
+    assert repr(ss.LabelColors({3: "red"}, {3: "a"})) == "LabelColors(1 label: a)"
+    assert repr(ss.LabelColors({})) == "LabelColors(0 labels)"
     many = ss.LabelColors.distinct(range(40))
     assert 0 not in many.colors and len({rgba[:3] for rgba in many.colors.values()}) == 39
     assert many.colors[7] == ss.LabelColors.distinct([7]).colors[7]
@@ -225,7 +232,7 @@ def test_label_colors():
 
 BAD = {
     "half labels": (lambda: ss.RegularField(np.full((3, 3, 3), 0.5), labels=True), "whole numbers"),
-    "prefilter": (lambda: ss.RegularField(things(), labels=True, prefilter=True), "prefilter"),
+    "prefilter": (lambda: ss.RegularField(things(), labels=True, prefilter=True), "prefilter=True;"),
     "normalization": (lambda: ss.RegularField(things(), labels=True, normalization="none"), "normalization"),
     "base": (lambda: ss.RegularField(things(), labels=True, base=3.0), "base"),
     "mip": (lambda: ss.render(ss.RegularField(things(), labels=True), mode="mip", size=8), "mode"),
@@ -234,6 +241,7 @@ BAD = {
     "no colour": (lambda: ss.LabelColors({1: (1, 2)}), "red, green, blue"),
     "opacity": (lambda: ss.LabelColors({1: (1, 1, 1, 2)}), "0 to 1"),
     "no label": (lambda: ss.LabelColors({1.5: "red"}), "label"),
+    "no text": (lambda: ss.LabelColors({1: "red"}, names={1: 5}), "a name cannot be used: found 5; wanted a text"),
     "no mapping": (lambda: ss.LabelColors([1, 2]), "a mapping such as a dict"),
     "colours to 255": (lambda: ss.LabelColors({1: (255, 0, 0)}), "from 0 to 1"),
     "beyond 41 bits": (lambda: ss.LabelColors({2**40: "red"}), "number them anew"),
@@ -326,3 +334,99 @@ def test_the_background_is_drawn_around_cells_of_labels():
     pictures = [ss.Renderer(one).render(two, camera, (40, 40)) for one in ("reference", "cpu")]
     assert pictures[1].stats["kernels_visible"] > near.sum()
     assert np.abs(pictures[0].rgba - pictures[1].rgba).max() < 2e-5
+
+
+@pytest.mark.parametrize("count", [3, 40, 90])
+@pytest.mark.parametrize("how", ["annotated", "axes"])
+def test_names_of_labels_in_figures_are_text_that_fits(count, how, monkeypatch):
+    """As many as have room, from the top, in lines; what looks like TeX stays as it is, also what no TeX can be."""
+    drawing = pytest.importorskip("matplotlib.figure")
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    values = np.zeros((3, 3, 3 * count), np.uint8)
+    for label in range(1, count + 1):
+        values[:, :, 3 * label - 3 : 3 * label] = label
+    names = {1: r"$\foo$ of $x$", 2: "a long name of a thing " * 20, 3: "w" * 400}
+    field = ss.RegularField(values, labels=True).with_label_colors(ss.LabelColors({}, names))
+    image = ss.render(field, size=(200, 150), backend="cpu")
+    if how == "axes":
+        figure = image.to_axes().figure
+        figure.canvas.draw()
+    else:
+        figures, make = [], drawing.Figure
+        monkeypatch.setattr(drawing, "Figure", lambda *one, **more: figures.append(make(*one, **more)) or figures[0])
+        assert image.annotated().width < 500
+        figure = figures[0]
+    bar = figure.axes[1]
+    texts = [tick.label2 for tick in bar.yaxis.get_major_ticks()][::-1]
+    boxes = [text.get_window_extent() for text in texts]
+    assert texts[0].get_text() == r"$\foo$ of $x$"
+    assert len(texts) == count if count == 3 else 5 <= len(texts) < count
+    for upper, lower in zip(boxes, boxes[1:], strict=False):
+        assert lower.y1 <= upper.y0 + 1
+    assert max(one.width for one in boxes) < 30 * texts[0].get_fontsize() * figure.dpi / 72
+    pyplot.close("all")
+
+
+@pytest.mark.parametrize("function", [None, COLORS, ss.TransferFunction([(0.5, 1, 1, 1, 0), (1.5, 1, 1, 1, 1)])])
+def test_the_camera_frames_surfaces_of_labels_as_it_does_their_volumes(function):
+    """Where nothing is outside of labels, the picture has the same place in both modes; the volume is far larger."""
+    values = np.zeros((40, 40, 40), np.uint8)
+    values[16:24, 16:24, 14:24], values[16:24, 16:24, 24:28] = 1, 2
+    field = ss.RegularField(values, labels=True)
+    volume, surfaces = (
+        ss.render(field, transfer_function=function, mode=mode, size=40, backend="cpu").camera
+        for mode in ("composite", "isosurface")
+    )
+    assert surfaces.height == pytest.approx(volume.height, rel=0.02)
+    assert surfaces.target == pytest.approx(volume.target, abs=0.5) and volume.height < 25
+
+
+def thin():
+    """Return a block, 1, a cross, 2, a plate, 3, a line, 4, a sample, 5, and a line at the volume's edge, 6."""
+    values = np.zeros((20, 20, 20), np.uint8)
+    values[2:6, 2:6, 2:6], values[10, 12:18, 2:8], values[15, 15, 4:16], values[5, 15, 15], values[0, 0, 8:18] = (
+        1, 3, 4, 5, 6,
+    )  # fmt: skip
+    for axis in range(3):
+        values[tuple(slice(9, 12) if one == axis else 10 for one in range(3))] = 2
+    return values
+
+
+@pytest.mark.parametrize(("kind", "missing"), [("u1", 0), ("i8", 0), ("f4", np.nan)])
+@pytest.mark.parametrize("mode", ["composite", "isosurface"])
+def test_labels_too_thin_to_be_seen_are_told(kind, missing, mode):
+    """Those that are told are those of which a picture from near, of each alone, has nothing."""
+    values = thin().astype(kind)
+    values[values == 0] = missing
+    field = ss.RegularField(values, labels=True, nan="skip").with_label_colors(ss.LabelColors({}, {4: "nerve"}))
+    told = field.labels_unseen(range(1, 9))
+    for label in range(1, 7):
+        alone = ss.Scene(field, ss.LabelColors({label: "red"}), mode=mode, slice_spacing=0.3)
+        camera = ss.Camera.fit(field, direction=(0.3, 1, 0.4))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ss.PictureWarning)
+            seen = ss.Renderer("cpu").render(alone, camera, (160, 160)).rgba.any()
+        assert seen == (label not in told), label
+    if missing == 0:
+        assert told == (4, 5, 6)
+        with pytest.warns(ss.PictureWarning, match="labels are not seen: nerve, label 5, label 6: single samples"):
+            ss.render(field, mode=mode, size=16)
+
+
+def test_labels_that_were_too_thin_are_seen_where_samples_are_repeated():
+    repeated = thin().repeat(2, 0).repeat(2, 1).repeat(2, 2)
+    assert ss.RegularField(repeated, labels=True).labels_unseen(range(1, 7)) == ()
+
+
+def test_why_a_picture_of_labels_is_empty_is_told():
+    values = np.zeros((9, 9, 9), np.uint8)
+    values[4, 4, 4] = 7
+    away = ss.Clip(planes=[((0, 0, 1), 90)])
+    for data, options, words in (
+        (values, {}, "picture: label 7: single samples"),
+        (things(), {"transfer_function": ss.LabelColors({8: "red"})}, "no label of the data has a colour"),
+        (things(), {"clip": away}, "the clip cuts off"),
+    ):
+        for mode in ("composite", "isosurface"):
+            with pytest.warns(ss.PictureWarning, match=words):
+                ss.render(ss.RegularField(data, labels=True), mode=mode, size=16, **options)

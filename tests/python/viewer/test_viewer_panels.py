@@ -12,6 +12,7 @@ from browser_pages import (
     pixels,
     serious,
     shown,
+    tick,
     values,
 )
 
@@ -216,3 +217,19 @@ def test_a_first_cut_lights_its_faces_on_the_page_too(paged):
     assert not page.evaluate(ticked) and viewer.scene.options["cut_faces"] is False
     pressed(page, "Plane across y", " ")
     assert not page.evaluate(ticked) and viewer.scene.options["cut_faces"] is False
+
+
+def test_names_beside_the_bar_of_labels_have_room(paged):
+    field = labels(60)
+    named = field.with_label_colors(ss.LabelColors(field.label_colors.colors, {1: "part " + 300 * "a"}))
+    _, page = paged(named)
+    page.evaluate(
+        "(() => { window.told = []; const of = CanvasRenderingContext2D.prototype, draw = of.fillText;"
+        " of.fillText = function (text, x, y) { window.told.push([text, y]); draw.call(this, text, x, y); }; })()"
+    )
+    tick(page, "Directions")
+    page.wait("window.told.length > 0")
+    told = page.evaluate("window.told.splice(0)")
+    names = {text: y for text, y in told if text.startswith(("part", "label "))}
+    heights = sorted(names.values())
+    assert 5 < len(names) < 40 and min(np.diff(heights)) >= 12 and max(map(len, names)) <= 25

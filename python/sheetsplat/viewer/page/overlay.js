@@ -9,6 +9,9 @@ const EDGE_ENDS = [0, 1, 2, 3, 4, 5, 6, 7].flatMap((corner) =>
   [1, 2, 4].filter((bit) => !(corner & bit)).map((bit) => [corner, corner | bit]),
 );
 const REACH = 11;
+// Names beside a bar of labels: pixels between two, and letters of one.
+const NAME_HEIGHT = 13;
+const NAME_LETTERS = 24;
 
 const cornerOf = (bounds, number) => [0, 1, 2].map((axis) => bounds[(number >> axis) & 1][axis]);
 const middleOf = (bounds) => scaled(add(bounds[0], bounds[1]), 0.5);
@@ -180,8 +183,15 @@ function overlay(change) {
         bar.log
           ? (Math.log(number) - Math.log(bar.low)) / (Math.log(bar.high) - Math.log(bar.low))
           : (number - bar.low) / (bar.high - bar.low);
-      for (const [place, name] of bar.names) {
-        write(context, name, left - 8, top + high * (1 - share(place)), "right");
+      // As many names as have room, from the top.
+      let free = -Infinity;
+      for (const [place, name] of [...bar.names].reverse()) {
+        const at = top + high * (1 - share(place));
+        if (at < free) continue;
+        free = at + NAME_HEIGHT;
+        const letters = [...name];
+        const text = letters.length > NAME_LETTERS ? letters.slice(0, NAME_LETTERS).join("") + "…" : name;
+        write(context, text, left - 8, at, "right");
       }
       const marks = bar.names.length
         ? []

@@ -52,8 +52,9 @@ class ComputeTiles {
     [[nodiscard]] PartRecord kernels_record(const EllipsoidPart& part);
     /// What both kinds of fields have.
     [[nodiscard]] PartRecord record_of(std::size_t field) const;
+    /// Of the record of a kernel, with what float32 cut off it where the plan needs that.
     [[nodiscard]] std::size_t record_floats() const;
-    /// Fills the buffer of records.
+    /// Slices all kernels for the view, into the buffer of records.
     void slice_kernels() const;
     void find_bounds(const std::vector<PartRecord>& parts) const;
     [[nodiscard]] TileProgram program() const;

@@ -278,8 +278,9 @@ std::uint64_t memory_of(const Scene& scene, const ViewFacts& view, const DrawPla
         std::count_if(plan.own_sheets.begin(), plan.own_sheets.end(), [](int number) { return number >= 0; }));
     const std::uint64_t values = slopes ? 4 : 1;
     const std::uint64_t weights = !plan.weight ? 0 : slopes && plan.threshold ? 4 : 1;
-    const std::uint64_t sheets = groups_drawn(scene).size() * (wide ? 3U : 2U) * (values + weights) +
-                                 own * (wide ? 3U : 1U) * (slopes ? 8U : 2U);
+    const std::uint64_t sheets = plan.compute ? 0
+                                              : groups_drawn(scene).size() * (wide ? 3U : 2U) * (values + weights) +
+                                                    own * (wide ? 3U : 1U) * (slopes ? 8U : 2U);
     const std::uint64_t faces = plan.cut_faces ? 16 * groups_drawn(scene).size() : 0;
     return static_cast<std::uint64_t>(view.frame.size.width + 2) *
            static_cast<std::uint64_t>(view.frame.size.height + 2) * (sheets * texel + faces + 16 + 4 + 16);

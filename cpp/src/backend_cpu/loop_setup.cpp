@@ -59,6 +59,24 @@ void integrate_profile(double k, PartProfile<T>& profile) {
     std::transform(sum, sum + terms, profile.integral, [](long double term) { return static_cast<T>(term); });
 }
 
+WholeLattice whole_lattice(const RestPart& rest, const Frame& frame) {
+    const FieldView& view = *rest.view;
+    WholeLattice whole;
+    LatticeReach::add(view, frame, whole.parts);
+    const double radius = whole.parts.front().radius();
+    const Kernel& kernel = view.field->kernel();
+    whole.falloff_log2 = kernel.falloff * log2_e / (radius * radius);
+    whole.field = view.field;
+    whole.layers = static_cast<double>(rest.layers);
+    if (view.field->lattice() == Lattice::cartesian) {
+        whole.reached =
+            std::make_shared<const ReachedCells>(*view.field, *rest.runs, radius + WholeLattice::more_reach);
+    }
+    whole.edge = kernel.edge();
+    whole.scale = view.value_scale;
+    return whole;
+}
+
 } // namespace
 
 template <class T>
@@ -179,7 +197,19 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
             profile.other_pivot = static_cast<double>(pivot(part.beside->field)) * plan.unit_of(part.beside->field);
         }
     }
+    for (const RestPart& part : job.rests) {
+        const std::size_t group = group_drawn_of(*job.scene, part.field);
+        const auto set = std::find_if(setup.label_sets.begin(), setup.label_sets.end(), [&](const LabelSet& one) {
+            return group >= one.groups.first && group < one.groups.last;
+        });
+        set->whole = whole_lattice(part, frame);
+    }
     return setup;
+}
+
+bool finds_rests(const DrawPlan& plan, const FieldView& view) {
+    return 2.0 * view.field->options().radius <= WholeLattice::most_samples && plan.sampling == Sampling::point &&
+           !plan.filter && !plan.analytic_gradient && !plan.coverage && !tells_empty(plan);
 }
 
 template <class T>

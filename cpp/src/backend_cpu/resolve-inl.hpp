@@ -146,6 +146,22 @@ HWY_NOINLINE void compare_slopes(D d, const LoopSetup<T>& setup, const GroupRang
     }
 }
 
+/// Writes what labels are above the largest other one, in place of their weights, to a vector of pixels of their
+/// sheets; and what labels without a sheet are.
+template <class D, class T = hn::TFromD<D>>
+HWY_INLINE void put_above(D d, const LargestLabels<D>& found, const std::vector<T*>& sheets, std::ptrdiff_t at,
+                          T* of_absent) {
+    const auto zero = hn::Zero(d), absent = hn::Set(d, T(-1e-12));
+    for (T* const sheet : sheets) {
+        const auto own = hn::LoadU(d, sheet + at);
+        // (Of two that are alike each is 0 above the other.)
+        const auto other = hn::IfThenElse(hn::Ge(own, found.largest), found.second, found.largest);
+        const auto above = hn::Sub(own, other);
+        hn::StoreU(hn::IfThenElse(hn::Gt(own, zero), above, hn::Min(above, absent)), d, sheet + at);
+    }
+    hn::StoreU(hn::Min(hn::Neg(found.largest), absent), d, of_absent + at);
+}
+
 /// Of groups that hold the weights of labels, what each is above the largest other one. Where a label has no weight it
 /// is below 0, so that no point shows what is not there. Unless slopes are summed, those of a set that were not drawn
 /// to on the slice share one sheet. sheets: room for those that were.
@@ -174,7 +190,6 @@ HWY_NOINLINE void compare_labels(const LoopSetup<T>& setup, std::size_t number, 
     T* const of_absent = ring.plane(n, set.absent_channel);
     T* const* const own_sheets = sheets.data();
     const std::size_t count = sheets.size();
-    const auto zero = hn::Zero(d), absent = hn::Set(d, T(-1e-12));
     for (int y = rect.y0; y < rect.y1; ++y) {
         const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(y) * shape.stride;
         for (int x = rect.x0; x < rect.x1; x += lanes) {
@@ -186,14 +201,7 @@ HWY_NOINLINE void compare_labels(const LoopSetup<T>& setup, std::size_t number, 
             if constexpr (slopes) {
                 compare_slopes(D(), setup, set.groups, ring, n, at, found);
             }
-            for (std::size_t label = 0; label < count; ++label) {
-                const auto own = hn::LoadU(d, own_sheets[label] + at);
-                // (Of two that are alike each is 0 above the other.)
-                const auto other = hn::IfThenElse(hn::Ge(own, found.largest), found.second, found.largest);
-                const auto above = hn::Sub(own, other);
-                hn::StoreU(hn::IfThenElse(hn::Gt(own, zero), above, hn::Min(above, absent)), d, own_sheets[label] + at);
-            }
-            hn::StoreU(hn::Min(hn::Neg(found.largest), absent), d, of_absent + at);
+            put_above(d, found, sheets, at, of_absent);
         }
     }
 }
@@ -206,6 +214,9 @@ void divide(const LoopSetup<T>& setup, SheetRing<T>& ring, const TileShape& shap
         divide_group(setup.groups[group], setup.keep_weight, ring, shape, n, ring.touched(n, group));
     }
     for (std::size_t set = 0; set < setup.label_sets.size(); ++set) {
+        if (setup.label_sets[set].whole) {
+            continue; // LabelRests
+        }
         setup.slopes ? compare_labels<true>(setup, set, ring, shape, n, sheets)
                      : compare_labels<false>(setup, set, ring, shape, n, sheets);
     }

@@ -60,6 +60,8 @@ class SheetRing {
         touched_[index_of(n) * parts_ + group].add(rect);
         write(n, rect, group);
     }
+    /// Before anything is written to a slice that kernels may not have been added to.
+    void open(std::int64_t n) { slots_[index_of(n)].slice = n; }
     /// Of a slice that kernels have been added to: what else is written to a group's sheets, and to that of a set of
     /// labels.
     void write(std::int64_t n, const Rect& rect, std::size_t group) {

@@ -16,6 +16,7 @@
 
 #include "backend_cpu/tile_task.hpp"
 #include "hwy/highway.h"
+#include "label_rests-inl.hpp"
 #include "live-inl.hpp"
 #include "reach-inl.hpp"
 #include "resolve-inl.hpp"
@@ -36,6 +37,11 @@ class TileLoop {
           reach_(setup.groups.front().reach, shape, scratch) {
         if (setup.sums_slices && !setup.shading->kept.empty()) {
             kept_.emplace(*setup.shading, shape, setup.slices, scratch);
+        }
+        for (std::size_t set = 0; set < setup.label_sets.size(); ++set) {
+            if (setup.label_sets[set].whole) {
+                rests_.emplace_back(setup, set, ring_, shape);
+            }
         }
         parts_.reserve(scratch.kernels.size());
         for (std::size_t number = 0; number < scratch.kernels.size(); ++number) {
@@ -70,6 +76,9 @@ class TileLoop {
             if (ring_.find(n) != nullptr) {
                 divide(setup_, ring_, shape_, n, compared_);
             }
+            for (LabelRests<T>& rest : rests_) {
+                rest.compare(n, live_);
+            }
             const int alive = scratch_.planes.alive;
             shade(n - lag);
             if (setup_.stops && scratch_.planes.last_kept != nullptr) {
@@ -89,6 +98,7 @@ class TileLoop {
                 for (std::int64_t old = n - lag - 2; old < n; ++old) {
                     ring_.release(old);
                 }
+                std::for_each(rests_.begin(), rests_.end(), [](LabelRests<T>& rest) { rest.forget(); });
                 n = next_start();
                 if (n == none) {
                     break;
@@ -293,6 +303,7 @@ class TileLoop {
     std::vector<TilePart<T>> parts_;      ///< lattices first
     std::optional<KeptOfPixels<T>> kept_; ///< where sums over slices are clipped
     bool all_summed_ = true;              ///< all parts are lattices that have been added to the picture
+    std::vector<LabelRests<T>> rests_;    ///< of sets that have one
     std::vector<T*> compared_;            ///< sheets of labels
     std::vector<SheetWindow<T>> later_ = std::vector<SheetWindow<T>>(setup_.groups.size() - 1);
     unsigned asked_ = 0;

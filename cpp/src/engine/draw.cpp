@@ -44,6 +44,32 @@ std::vector<Twins> find_twins(const std::vector<const GridEntry*>& grids, FieldI
     return found;
 }
 
+std::vector<Rest> find_rests(const Scene& scene, const std::vector<std::size_t>& fields,
+                             const std::vector<const RunsEntry*>& runs, FieldIndex& index) {
+    std::vector<Rest> found;
+    const std::vector<Group> groups = groups_drawn(scene);
+    for (const GroupRange& set : label_sets(groups)) {
+        std::vector<std::shared_ptr<const Field>> all;
+        std::size_t largest = 0, samples = 0;
+        for (std::size_t group = set.first; group < set.last; ++group) {
+            const std::size_t field = groups[group].first;
+            all.push_back(scene.fields[field]);
+            const auto part = static_cast<std::size_t>(std::find(fields.begin(), fields.end(), field) - fields.begin());
+            if (groups[group].use.role == GroupRole::compared && part < runs.size() &&
+                runs[part]->runs.samples() > samples) {
+                largest = field;
+                samples = runs[part]->runs.samples();
+            }
+        }
+        if (samples > 0) {
+            if (const std::optional<std::size_t> layers = index.share_samples(all)) {
+                found.push_back({largest, *layers});
+            }
+        }
+    }
+    return found;
+}
+
 namespace {
 
 /// Whether the sums of a field's values are divided by those of its weights, in sheets of its own.
@@ -59,7 +85,14 @@ backend_cpu::Job cpu_job(const Request& request, const Prepared& prepared, const
                          const Camera& camera, const Frame& frame, const DrawPlan& plan) {
     backend_cpu::Job job;
     for (std::size_t part = 0; part < lattices.size(); ++part) {
-        job.regular.push_back({prepared.view_fields[part], &lattices[part], &indexed.runs[part]->runs});
+        const std::size_t field = prepared.view_fields[part];
+        const auto rest = std::find_if(indexed.rests.begin(), indexed.rests.end(),
+                                       [field](const Rest& one) { return one.field == field; });
+        if (rest != indexed.rests.end() && backend_cpu::finds_rests(plan, lattices[part])) {
+            job.rests.push_back({field, &lattices[part], &indexed.runs[part]->runs, rest->layers});
+        } else {
+            job.regular.push_back({field, &lattices[part], &indexed.runs[part]->runs});
+        }
     }
     std::vector<const Twins*> twins_of(scattered.size(), nullptr);
     for (const Twins& twins : indexed.twins) {

@@ -54,12 +54,22 @@ struct Twins {
     std::vector<std::uint8_t> visible; ///< for either; empty: they have the same flags
 };
 
+/// A field of a label without a colour: its sums are those of all samples of the lattice less those of the other labels
+/// of its set.
+struct Rest {
+    std::size_t field = 0;
+    std::size_t layers = 0; ///< FieldIndex::share_samples
+};
+
 /// What is drawn: of each view's and each scattered field's kernels.
 struct Indexed {
     std::vector<const RunsEntry*> runs;
     std::vector<const GridEntry*> grids;
     std::vector<std::size_t> grid_fields; ///< whose grids they are, in the scene
     std::vector<Twins> twins;             ///< a grid is one of at most two
+    /// Fields of labels without a colour, one of a set: their sums are those of all samples of the lattice less those
+    /// of the others in the set.
+    std::vector<Rest> rests; ///< one of a set of labels at most
     std::size_t visible = 0, all = 0, bytes = 0;
     LightVolumes volumes; ///< where the plan has shadows or ambient occlusion
 };
@@ -72,6 +82,11 @@ inline bool keeps_lattices(const DrawPlan& plan) {
 
 /// Those of Indexed::grids. Throws OutOfMemory.
 std::vector<Twins> find_twins(const std::vector<const GridEntry*>& grids, FieldIndex& index);
+
+/// Those of Indexed::rests: of each set the one with the most visible samples. runs: of lattices, whose fields of the
+/// scene are `fields`.
+std::vector<Rest> find_rests(const Scene& scene, const std::vector<std::size_t>& fields,
+                             const std::vector<const RunsEntry*>& runs, FieldIndex& index);
 
 /// How the scattered kernels of a picture look to a camera, in the order of Indexed::grids. Refers to its arguments.
 std::vector<EllipsoidView> views_of(const Indexed& indexed, const DrawPlan& plan, const Camera& camera,

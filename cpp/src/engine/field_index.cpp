@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
+#include <type_traits>
+#include <variant>
 
 #include <glm/geometric.hpp>
 
@@ -132,6 +135,92 @@ bool lie_alike(const EllipsoidField& a, const EllipsoidField& b) {
            one.rotations == other.rotations;
 }
 
+/// Lattices whose kernels are the same, at all places of the lattice.
+bool weigh_alike(const RegularField& a, const RegularField& b) {
+    return lie_alike(a, b) && a.kernel().falloff == b.kernel().falloff && a.normalization() == b.normalization() &&
+           !a.has_holes() && !b.has_holes();
+}
+
+/// Adds to the sums of `count` samples from number `first` on; false where one is neither 0 nor 1.
+bool add_ones(const RegularField& field, std::size_t first, std::size_t count, std::uint16_t* sums) {
+    return std::visit(
+        [&](const auto& samples) {
+            using T = typename std::decay_t<decltype(samples)>::value_type;
+            const T* values = samples.data() + first;
+            // (Loops that the compiler makes vectors of.)
+            std::uint16_t others = 0;
+            for (std::size_t i = 0; i < count; ++i) {
+                std::uint16_t one = 0;
+                if constexpr (std::is_integral_v<T>) {
+                    one = static_cast<std::uint16_t>(values[i]);
+                    others = static_cast<std::uint16_t>(others | (one & ~1U));
+                } else {
+                    one = values[i] == T(1) ? 1 : 0;
+                    others = static_cast<std::uint16_t>(others | (values[i] == static_cast<T>(one) ? 0U : 2U));
+                }
+                sums[i] = static_cast<std::uint16_t>(sums[i] + one);
+            }
+            return others == 0;
+        },
+        field.samples());
+}
+
+/// Layers at each end of all axes outside of which a lattice has all samples, while it lacks none that lies there
+/// along one axis alone: mirrored samples beyond edges and corners may be too far away to be kernels. Nothing where
+/// others are missing.
+std::optional<std::size_t> layers_with_gaps(const RegularField& field) {
+    const auto [nk, nj, ni] = field.shape();
+    std::size_t layers = 0;
+    for (std::size_t row = 0; row < nk * nj; ++row) {
+        const SampleRange kernels = field.kernels_of_row(row % nj, row / nj);
+        if (kernels.begin < kernels.end) {
+            layers = std::max<std::size_t>({layers, kernels.begin, ni - kernels.end});
+        }
+    }
+    if (2 * layers >= std::min({nk, nj, ni}) || (layers > 0 && field.lattice() == Lattice::bcc)) {
+        return layers == 0 ? std::optional<std::size_t>(0) : std::nullopt;
+    }
+    const auto outside = [layers](std::size_t at, std::size_t size) { return at < layers || at >= size - layers; };
+    for (std::size_t row = 0; row < nk * nj; ++row) {
+        const SampleRange kernels = field.kernels_of_row(row % nj, row / nj);
+        const int out = (outside(row % nj, nj) ? 1 : 0) + (outside(row / nj, nk) ? 1 : 0);
+        const std::size_t lacking = out == 0 ? 0 : layers;
+        if (out < 2 && (kernels.begin > lacking || kernels.end < ni - lacking)) {
+            return std::nullopt;
+        }
+    }
+    return layers;
+}
+
+/// FieldIndex::share_samples.
+std::optional<std::size_t> share_samples_of(const std::vector<const RegularField*>& fields) {
+    const RegularField& first = *fields.front();
+    if (first.normalization() != Normalization::lattice || fields.size() > std::numeric_limits<std::uint16_t>::max() ||
+        !std::all_of(fields.begin(), fields.end(), [&](const RegularField* field) {
+            return weigh_alike(first, *field) && field->counted_from() == 0.0;
+        })) {
+        return std::nullopt;
+    }
+    const auto [nk, nj, ni] = first.shape();
+    std::vector<std::uint16_t> sums(ni);
+    for (std::size_t row = 0; row < nk * nj; ++row) {
+        const SampleRange kernels = first.kernels_of_row(row % nj, row / nj);
+        const std::size_t begin = first.row(row % nj, row / nj) + kernels.begin;
+        sums.assign(kernels.end - kernels.begin, 0);
+        for (const RegularField* field : fields) {
+            const SampleRange own = field->kernels_of_row(row % nj, row / nj);
+            if (own.begin != kernels.begin || own.end != kernels.end ||
+                !add_ones(*field, begin, sums.size(), sums.data())) {
+                return std::nullopt;
+            }
+        }
+        if (!std::all_of(sums.begin(), sums.end(), [](std::uint16_t sum) { return sum == 1; })) {
+            return std::nullopt;
+        }
+    }
+    return layers_with_gaps(first);
+}
+
 /// Whether labels are shown in no cell whose corners have none of them: all corners then have the one label that is not
 /// shown. Of kernels of radius 2 and falloff 5 those of a cell's corners add up to more than all others, by a tenth of
 /// C at least; so do those of an outermost layer that is mirrored.
@@ -249,6 +338,30 @@ const FieldIndex::Alike& FieldIndex::compared(const std::shared_ptr<const Field>
                  alike_.end());
     alike_.push_back(std::move(found));
     return alike_.back();
+}
+
+std::optional<std::size_t> FieldIndex::share_samples(const std::vector<std::shared_ptr<const Field>>& fields) {
+    const auto known = std::find_if(sharing_.begin(), sharing_.end(), [&](const Sharing& one) {
+        return std::equal(one.fields.begin(), one.fields.end(), fields.begin(), fields.end(),
+                          [](const auto& a, const auto& b) { return a.lock() == b; });
+    });
+    if (known != sharing_.end()) {
+        return known->layers;
+    }
+    std::vector<const RegularField*> lattices;
+    lattices.reserve(fields.size());
+    for (const std::shared_ptr<const Field>& field : fields) {
+        lattices.push_back(as_regular(field.get()));
+    }
+    const bool all = std::find(lattices.begin(), lattices.end(), nullptr) == lattices.end();
+    sharing_.erase(std::remove_if(sharing_.begin(), sharing_.end(),
+                                  [](const Sharing& one) {
+                                      return std::any_of(one.fields.begin(), one.fields.end(),
+                                                         [](const auto& field) { return field.expired(); });
+                                  }),
+                   sharing_.end());
+    sharing_.push_back({{fields.begin(), fields.end()}, all ? share_samples_of(lattices) : std::nullopt});
+    return sharing_.back().layers;
 }
 
 std::vector<SeenBeside> FieldIndex::seen_beside(std::size_t number, const Scene& scene, const DrawPlan& plan,

@@ -62,6 +62,10 @@ class FieldIndex {
     [[nodiscard]] bool differ_in_values(const std::shared_ptr<const Field>& a, const std::shared_ptr<const Field>& b) {
         return compared(a, b).same_weights;
     }
+    /// Where each sample of lattices that lie alike is 1 in one of the fields and 0 in the others, so that their sums
+    /// add up to that of the kernels of all samples: how many layers at each end of an axis may lack samples where they
+    /// meet those of another axis. Nothing where the fields are others. fields: one or more.
+    [[nodiscard]] std::optional<std::size_t> share_samples(const std::vector<std::shared_ptr<const Field>>& fields);
     /// Field::reach_along, by way of the field's grid where there is one.
     [[nodiscard]] std::array<double, 2> reach_along(const Field& field, const Vec3& from, const Vec3& direction) const;
     /// Drops what belongs to other fields. As FieldSurveys::forget_others; of `parts` what takes little beside them.
@@ -73,6 +77,10 @@ class FieldIndex {
         std::weak_ptr<const Field> one, other;
         bool same;
         bool same_weights;
+    };
+    struct Sharing {
+        std::vector<std::weak_ptr<const Field>> fields;
+        std::optional<std::size_t> layers;
     };
     [[nodiscard]] const Alike& compared(const std::shared_ptr<const Field>& a, const std::shared_ptr<const Field>& b);
     [[nodiscard]] bool lies_alike(const std::shared_ptr<const Field>& a, const std::shared_ptr<const Field>& b) {
@@ -86,6 +94,7 @@ class FieldIndex {
     std::vector<std::unique_ptr<RunsEntry>> runs_;
     std::vector<std::unique_ptr<GridEntry>> grids_;
     std::vector<Alike> alike_;
+    std::vector<Sharing> sharing_;
     std::uint64_t versions_ = 0;
 };
 

@@ -126,6 +126,7 @@ void fill(const LightGrid& grid, const LightCut& cut, const Group* group, const 
         return part.field < groups[needed.first].first || part.field >= groups[needed.last - 1].last;
     };
     job.regular.erase(std::remove_if(job.regular.begin(), job.regular.end(), of_others), job.regular.end());
+    job.rests.erase(std::remove_if(job.rests.begin(), job.rests.end(), of_others), job.rests.end());
     job.ellipsoids.erase(std::remove_if(job.ellipsoids.begin(), job.ellipsoids.end(), of_others), job.ellipsoids.end());
     processor.sample(job, recorded, values);
 }

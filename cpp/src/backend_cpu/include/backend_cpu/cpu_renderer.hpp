@@ -27,6 +27,18 @@ struct RegularPart {
     const VisibleRuns* runs = nullptr; ///< which samples are drawn
 };
 
+/// A lattice of labels that is not splatted: its sums are those of all samples less those of the other labels of its
+/// set, which are in the scene and share the samples of the lattice among each other.
+struct RestPart {
+    std::size_t field = 0;
+    const FieldView* view = nullptr;
+    const VisibleRuns* runs = nullptr; ///< which samples would be drawn: its sum is 0 elsewhere
+    /// At each end of an axis, in which samples may be missing where they meet those of another axis.
+    std::size_t layers = 0;
+};
+/// Whether the sum of all samples of a lattice is found by places alone: at points, of kernels that are alike.
+[[nodiscard]] bool finds_rests(const DrawPlan& plan, const FieldView& view);
+
 /// A field whose kernels are those of another one but for their values.
 struct ValuesBeside {
     std::size_t field = 0;
@@ -54,6 +66,7 @@ struct Job {
     const Frame* frame = nullptr;
     const DrawPlan* plan = nullptr;
     std::vector<RegularPart> regular;
+    std::vector<RestPart> rests; ///< one of a set of labels
     std::vector<EllipsoidPart> ellipsoids;
     int tile_size = 0; ///< largest edge of an image tile, pixels; 0: what fits the cache
     int threads = 0;   ///< 0: as many as the process may run on

@@ -4,7 +4,9 @@
 #include <atomic>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <new>
+#include <optional>
 #include <vector>
 
 #include "backend_cpu/lattice_extremes.hpp"
@@ -15,6 +17,7 @@
 #include "backend_cpu/tile.hpp"
 #include "backend_cpu/tile_feed.hpp"
 #include "base/instruction_set.hpp"
+#include "index/reached_cells.hpp"
 
 namespace sheetsplat::backend_cpu {
 
@@ -74,10 +77,28 @@ struct GroupSheets {
     }
 };
 
+/// A lattice whose samples are all there, but for some beyond its edges and corners: the sum of their kernels follows
+/// from the place alone.
+struct WholeLattice {
+    static constexpr int most_samples = 8; ///< of an axis, that a kernel may reach a point from
+    std::vector<LatticeReach> parts;
+    const RegularField* field = nullptr;
+    double layers = 0.0; ///< RestPart::layers
+    /// Cells that drawn samples of the label without a sheet reach, or do from `more_reach` farther away. Null: not
+    /// known.
+    std::shared_ptr<const ReachedCells> reached;
+    static constexpr double more_reach = 4.0; ///< samples along each axis
+    double falloff_log2 = 0.0;                ///< k log2(e), over the square of a part's radius
+    double edge = 0.0;                        ///< exp(-k)
+    double scale = 1.0;                       ///< of the sum, in the sheets' unit
+};
+
 /// Groups that hold the weights of labels, which are compared with each other.
 struct LabelSet {
     GroupRange groups;
     int absent_channel = 0; ///< what labels without a weight on a slice are there; where no slopes are summed
+    /// All samples of the set: what the sums of the groups leave of them is that of a label that has no sheet.
+    std::optional<WholeLattice> whole = std::nullopt;
 };
 
 /// Where numbers of all slices are written in place of a picture: an element a pixel, in rows.

@@ -240,6 +240,11 @@ SliceRecord record_of(const Job& job, SliceRecord::Of what, int every, float* va
     return {what, values, row, plane, (job.frame->slices + every - 1) / every, every, 0};
 }
 
+LatticeRows rows_of(const Job& job, std::size_t lattice, const RowPart* begin, const RowPart* end) {
+    const RegularPart& part = job.regular[lattice];
+    return {part.view, part.runs, job.frame, job.plan->sampling, begin, end, part.own, &part.beside};
+}
+
 /// Ends a task of a picture that has failed in another task, whose error is the one that is thrown.
 struct Ended {};
 
@@ -464,12 +469,10 @@ struct CpuRenderer::State {
             const Buckets<RowPart>& rows = sorted->lattices[lattice].parts;
             room.kernels[part].clear();
             if (setup.parts[part].at_points) {
-                room.lattices.push_back({job.regular[lattice].view, job.regular[lattice].runs, job.frame,
-                                         job.plan->sampling, rows.begin(tile), rows.begin(tile)});
+                room.lattices.push_back(rows_of(job, lattice, rows.begin(tile), rows.begin(tile)));
                 continue;
             }
-            room.lattices.push_back({job.regular[lattice].view, job.regular[lattice].runs, job.frame,
-                                     job.plan->sampling, rows.begin(tile), rows.end(tile)});
+            room.lattices.push_back(rows_of(job, lattice, rows.begin(tile), rows.end(tile)));
             any = any || rows.begin(tile) != rows.end(tile);
         }
         for (std::size_t field = 0; field < job.ellipsoids.size(); ++field, ++part) {

@@ -20,6 +20,7 @@
 
 #include "backend_cpu/tile_feed.hpp"
 #include "backend_cpu/tile_task.hpp"
+#include "hwy/cache_control.h"
 #include "hwy/highway.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -66,11 +67,22 @@ template <class T>
 class SampleReader {
   public:
     SampleReader(const RegularField& field, double origin, double scale)
-        : samples_(field.samples()), origin_(origin), scale_(scale),
+        : samples_(field.samples()), size_(std::visit([](const auto& data) { return data.size(); }, samples_)),
+          data_(std::visit([](const auto& data) { return static_cast<const void*>(data.data()); }, samples_)),
+          bytes_(std::visit([](const auto& data) { return sizeof(data[0]); }, samples_)), origin_(origin),
+          scale_(scale),
           read_(std::visit([](const auto& data) { return &read_as<std::decay_t<decltype(data)>>; }, samples_)) {}
 
-    /// Of `count` samples from number `first` on.
+    /// Of `count` samples from number `first` on; of fed_together fastest.
     void read(std::size_t first, std::uint32_t count, T* out) const { read_(*this, first, count, out); }
+    /// Asks for samples from number `first` on, which are read soon.
+    HWY_INLINE void prefetch(std::size_t first) const {
+        hwy::Prefetch(static_cast<const char*>(data_) + std::min(first, size_ - 1) * bytes_);
+    }
+    /// Of one to fed_together; out: room for so many.
+    void read_piece(std::size_t first, std::uint32_t count, T* out) const {
+        read_(*this, first, first + fed_together <= size_ ? fed_together : count, out);
+    }
     template <class Value>
     HWY_INLINE void convert(const Value* HWY_RESTRICT from, std::uint32_t count, T* HWY_RESTRICT out) const {
         const double origin = origin_, scale = scale_;
@@ -82,10 +94,19 @@ class SampleReader {
   private:
     template <class Data>
     static void read_as(const SampleReader& reader, std::size_t first, std::uint32_t count, T* out) {
-        reader.convert(std::get_if<Data>(&reader.samples_)->data() + first, count, out);
+        const Data& samples = *std::get_if<Data>(&reader.samples_);
+        if (count == fed_together) {
+            // (Of a number that is known the compiler makes vectors without a rest.)
+            reader.convert(samples.data() + first, fed_together, out);
+            return;
+        }
+        reader.convert(samples.data() + first, count, out);
     }
 
     const SampleArray& samples_;
+    std::size_t size_;
+    const void* data_;
+    std::size_t bytes_; ///< of one
     double origin_, scale_;
     void (*read_)(const SampleReader& reader, std::size_t first, std::uint32_t count, T* out);
 };
@@ -124,6 +145,31 @@ struct OwnPlaces {
         bottom = tile.y + tile.height == frame.size.height ? infinity : tile.height + 0.5;
     }
     [[nodiscard]] bool hold(double x, double y) const { return x >= left && x < right && y >= top && y < bottom; }
+};
+
+/// In any unit of length; what is too small for its inverse is 0.
+constexpr double least_step = std::numeric_limits<double>::min();
+
+/// Samples low <= i < high of a row.
+struct SampleCut {
+    double low, high;
+    /// Those where from <= at + i step < to.
+    void keep(double at, double step, double from, double to) {
+        if (std::abs(step) < least_step) {
+            high = at >= from && at < to ? high : low;
+            return;
+        }
+        if (step < 0.0) {
+            at = -at;
+            step = -step;
+            std::swap(from, to);
+            from = -from;
+            to = -to;
+        }
+        const double per_step = 1.0 / step;
+        low = std::max(low, std::ceil((from - at) * per_step));
+        high = std::min(high, std::ceil((to - at) * per_step));
+    }
 };
 
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE

@@ -20,6 +20,7 @@
 #include "backend_cpu/tile_feed.hpp"
 #include "backend_cpu/tile_task.hpp"
 #include "feed-inl.hpp"
+#include "feed_values-inl.hpp"
 #include "hwy/highway.h"
 #include "live-inl.hpp"
 #include "plan/limits_common.hpp"
@@ -45,6 +46,13 @@ class RowFeed {
           per_step_(std::abs(step_) > 1e-9 ? 1.0 / step_ : 0.0), last_slice_(static_cast<double>(frame_.slices - 1)),
           own_(tile, frame_), reader_(*view_.field, view_.field->counted_from() + kernels.pivot, view_.value_scale),
           lean_(view_.half_depth * (glm::inverse(view_.to_unit) * view_.shear)) {
+        if (rows.beside != nullptr && !rows.beside->empty()) {
+            sources_.push_back({reader_, *rows.own});
+            for (const LatticeBeside& beside : *rows.beside) {
+                const FieldView& view = *beside.view;
+                sources_.push_back({{*view.field, view.field->counted_from(), view.value_scale}, *beside.runs});
+            }
+        }
         // Per slice: the point moves along the ray, and the sphere's centre leans away.
         const glm::dvec2 ray = perspective_ ? view_.to_unit * origin_ : glm::dvec2(0.0);
         const glm::dvec2 drift = frame_.slice_spacing * (ray + per_half_depth_ * view_.shear);
@@ -59,6 +67,7 @@ class RowFeed {
         own_rays_x_ = rays(tile.x, tile.width, frame_.size.width);
         own_rays_y_ = rays(tile.y, tile.height, frame_.size.height);
         kernels_.clear();
+        kernels_.fields = std::max<std::size_t>(sources_.size(), 1);
         kernels_.shapes.assign(1, row_shape<T>(basis_, drift, -step_slice_.z));
         if (!view_.unfiltered) {
             kernels_.reach_x = static_cast<T>(
@@ -95,7 +104,7 @@ class RowFeed {
         for (const RowPart* part = begin_; part != end_; ++part) {
             kernels_.counted += owned(*part);
             poll_after(part->end - part->begin);
-            for_each_run(*part, part->begin, part->end, [&](const Run&, std::uint32_t begin, std::uint32_t end) {
+            for_each_run(runs_, *part, part->begin, part->end, [&](const Run&, std::uint32_t begin, std::uint32_t end) {
                 visit(row_begin(part->row) + begin, eye_of(part->row, begin), end - begin);
             });
         }
@@ -137,7 +146,7 @@ class RowFeed {
     [[nodiscard]] static std::pair<std::uint32_t, std::uint32_t> wholly_kept(const std::vector<RowCut>& cuts,
                                                                              const Vec3& eye, std::uint32_t count) {
         const auto most = static_cast<double>(count);
-        Cut cut{0.0, most};
+        SampleCut cut{0.0, most};
         for (const RowCut& half : cuts) {
             const double at = glm::dot(half.normal, eye) + half.distance - half.reach;
             // (Mostly all of them are.)
@@ -207,59 +216,36 @@ class RowFeed {
 
     /// Calls visit(begin, end) for the drawn samples of a part of a row that lie between two numbers.
     template <class Visit>
-    HWY_INLINE void for_each_run(const RowPart& part, std::uint32_t begin, std::uint32_t end,
-                                 const Visit& visit) const {
-        const Run* past = runs_.end(part.row);
-        const Run* run = runs_.begin(part.row);
-        if (past - run > 8) {
-            run = std::partition_point(run, past, [&](const Run& r) { return r.end <= begin; });
-        }
-        for (; run != past && run->begin < end; ++run) {
-            if (run->end > begin) {
-                visit(*run, std::max(run->begin, begin), std::min(run->end, end));
-            }
+    HWY_INLINE static void for_each_run(const VisibleRuns& runs, const RowPart& part, std::uint32_t begin,
+                                        std::uint32_t end, const Visit& visit) {
+        const Run* past = runs.end(part.row);
+        for (const Run* run = run_behind(runs.begin(part.row), past, begin); run != past && run->begin < end; ++run) {
+            visit(*run, std::max(run->begin, begin), std::min(run->end, end));
         }
     }
-
-    /// In any unit of length; what is too small for its inverse is 0.
-    static constexpr double least_step = std::numeric_limits<double>::min();
-
-    /// Samples low <= i < high of a row.
-    struct Cut {
-        double low, high;
-        /// Those where from <= at + i step < to.
-        void keep(double at, double step, double from, double to) {
-            if (std::abs(step) < least_step) {
-                high = at >= from && at < to ? high : low;
-                return;
-            }
-            if (step < 0.0) {
-                at = -at;
-                step = -step;
-                std::swap(from, to);
-                from = -from;
-                to = -to;
-            }
-            const double per_step = 1.0 / step;
-            low = std::max(low, std::ceil((from - at) * per_step));
-            high = std::min(high, std::ceil((to - at) * per_step));
-        }
-    };
 
     /// How many drawn samples of a part of a row have their centres in the tile's own part of the picture.
     [[nodiscard]] std::size_t owned(const RowPart& part) const {
         std::size_t sum = 0;
-        const auto add = [&](const Cut& cut) {
+        const auto add = [&](const SampleCut& cut) {
             if (cut.low < cut.high) {
-                for_each_run(part, static_cast<std::uint32_t>(cut.low), static_cast<std::uint32_t>(cut.high),
-                             [&](const Run&, std::uint32_t begin, std::uint32_t end) { sum += end - begin; });
+                const auto count = [&](const VisibleRuns& runs) {
+                    for_each_run(runs, part, static_cast<std::uint32_t>(cut.low), static_cast<std::uint32_t>(cut.high),
+                                 [&](const Run&, std::uint32_t begin, std::uint32_t end) { sum += end - begin; });
+                };
+                if (sources_.empty()) {
+                    count(runs_);
+                }
+                for (const LatticeSource<T>& source : sources_) {
+                    count(source.runs);
+                }
             }
         };
         // From the row's first sample on, and in pixels of the picture, so that neighbouring tiles cut at one sample.
         const Vec3 eye = eye_of(part.row, 0);
         const double begin = part.begin, end = part.end;
         if (!perspective_) {
-            Cut cut{begin, end};
+            SampleCut cut{begin, end};
             const double left = tile_.x - 0.5, top = tile_.y - 0.5;
             cut.keep(eye.x * per_pixel_ + frame_.axis_x, view_.step_i.x * per_pixel_, own_.left + left,
                      own_.right + left);
@@ -272,7 +258,7 @@ class RowFeed {
         // positive.
         const auto inside = [&](double from, double past, double t, double step_t) {
             constexpr double infinity = std::numeric_limits<double>::infinity();
-            Cut cut{from, past};
+            SampleCut cut{from, past};
             const auto between = [&](double w, double step_w, const glm::dvec2& rays) {
                 if (rays.x > -infinity) {
                     cut.keep(w - rays.x * t, step_w - rays.x * step_t, 0.0, infinity);
@@ -327,7 +313,7 @@ class RowFeed {
             batches_ = 0;
             return true;
         }
-        if (most - least > static_cast<double>(4 * count + 1024)) {
+        if (sources_.empty() && most - least > static_cast<double>(4 * count + 1024)) {
             return false;
         }
         least_ = least;
@@ -400,7 +386,7 @@ class RowFeed {
             if (!seen(live, eye + static_cast<double>(begin - part.begin) * view_.step_i, end - begin)) {
                 continue;
             }
-            for_each_run(part, begin, end, [&](const Run& run, std::uint32_t run_begin, std::uint32_t run_end) {
+            for_each_run(runs_, part, begin, end, [&](const Run& run, std::uint32_t run_begin, std::uint32_t run_end) {
                 // Numbers do not depend on where batches begin.
                 const std::uint32_t start = std::max(run.begin, part.begin);
                 const auto stretch = static_cast<std::uint32_t>(rows.stretches.size());
@@ -415,8 +401,12 @@ class RowFeed {
                 }
                 if (any) {
                     const Vec3 unit = unit_at(first);
-                    rows.stretches.push_back(
-                        {row_begin(part.row) + start, depth_of(first), step_, {unit.x, unit.y, unit.z}});
+                    rows.stretches.push_back({part.row,
+                                              row_begin(part.row) + start,
+                                              start,
+                                              depth_of(first),
+                                              step_,
+                                              {unit.x, unit.y, unit.z}});
                 }
             });
         }
@@ -443,8 +433,17 @@ class RowFeed {
         }
         const std::size_t kept = places[static_cast<std::size_t>(slots)];
         kernels_.sections.resize(before + places.back());
-        std::visit([&](const auto& data) { write(data.data(), least, kernels_.sections.data() + before); },
-                   view_.field->samples());
+        if (sources_.empty()) {
+            std::visit(
+                [&](const auto& data) {
+                    write(OneLattice<T, decltype(data.data())>{reader_, data.data()}, least, before);
+                },
+                view_.field->samples());
+        } else {
+            kernels_.values.resize(kernels_.sections.size() * kernels_.fields);
+            write(SeveralLattices<T>{sources_, kernels_, {}}, least, before);
+            kernels_.values.resize((before + kept) * kernels_.fields);
+        }
         kernels_.sections.resize(before + kept);
     }
 
@@ -468,9 +467,10 @@ class RowFeed {
         begin += static_cast<std::uint32_t>(from);
     }
 
-    /// (One for each type of samples: a call for each piece would take 1 % of a frame.)
-    template <class Value>
-    void write(const Value* values, double least, Section<T>* sections) {
+    /// Behind the first `before` sections.
+    template <class Values>
+    void write(Values source, double least, std::size_t before) {
+        Section<T>* sections = kernels_.sections.data() + before;
         const RowBatches& rows = kernels_.rows;
         const double per_slice = frame_.slice_spacing * per_half_depth_;
         const auto origin = static_cast<std::int32_t>(least);
@@ -478,8 +478,8 @@ class RowFeed {
         for (const RowBatches::Piece& piece : rows.pieces) {
             const RowBatches::Stretch& stretch = rows.stretches[piece.stretch];
             // Numbers first; then each to its place.
-            T a1[fed_together], a2[fed_together], s[fed_together], value[fed_together];
-            reader_.convert(values + stretch.first_sample + piece.from, piece.count, value);
+            T a1[fed_together], a2[fed_together], s[fed_together], value[fed_together] = {};
+            source.read(stretch, piece, value);
             for (std::uint32_t i = 0; i < fed_together; ++i) {
                 const auto along = static_cast<double>(static_cast<std::int32_t>(piece.from + i));
                 const double first = static_cast<double>(slot[i]) + least;
@@ -488,7 +488,9 @@ class RowFeed {
                 s[i] = static_cast<T>((stretch.depth + along * stretch.step - first) * per_slice);
             }
             for (std::uint32_t i = 0; i < piece.count; ++i) {
-                Section<T>& section = sections[kernels_.places[static_cast<std::size_t>(slot[i])]++];
+                const std::uint32_t at = kernels_.places[static_cast<std::size_t>(slot[i])]++;
+                source.put(before + at, i);
+                Section<T>& section = sections[at];
                 section.a1 = a1[i];
                 section.a2 = a2[i];
                 section.s = s[i];
@@ -619,6 +621,7 @@ class RowFeed {
     double per_spacing_, per_half_depth_, reach_, step_, per_step_, last_slice_;
     OwnPlaces own_;
     SampleReader<T> reader_;
+    std::vector<LatticeSource<T>> sources_; ///< none, or of this lattice and of those beside
     Vec3 semi_axes_ = view_.field->kernel_axes().lengths;
     glm::dvec2 lean_; ///< B's rows of x and of y times that of z
     /// The outermost rays of the tile's own part in perspective: x / depth and -y / depth. The same numbers in tiles

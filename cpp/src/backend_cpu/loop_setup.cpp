@@ -184,8 +184,16 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
     };
     for (const RegularPart& part : job.regular) {
         add_part(part.field);
-        if (by_place) {
-            LatticeReach::add(*part.view, frame, setup.groups[group_drawn_of(*job.scene, part.field)].reach);
+        const auto add_reach = [&](const FieldView& view, std::size_t field) {
+            if (by_place) {
+                LatticeReach::add(view, frame, setup.groups[group_drawn_of(*job.scene, field)].reach);
+            }
+        };
+        add_reach(*part.view, part.field);
+        for (const LatticeBeside& beside : part.beside) {
+            const std::size_t group = group_drawn_of(*job.scene, beside.field);
+            setup.parts.back().beside.push_back({setup.groups[group].rho_channel, group});
+            add_reach(*beside.view, beside.field);
         }
     }
     for (const EllipsoidPart& part : job.ellipsoids) {
@@ -210,6 +218,11 @@ LoopSetup<T> make_setup(const Job& job, const Shading<T>& shading) {
 bool finds_rests(const DrawPlan& plan, const FieldView& view) {
     return 2.0 * view.field->options().radius <= WholeLattice::most_samples && plan.sampling == Sampling::point &&
            !plan.filter && !plan.analytic_gradient && !plan.coverage && !tells_empty(plan);
+}
+
+bool sums_values_alone(const DrawPlan& plan) {
+    return plan.sampling == Sampling::point && !plan.filter && !plan.analytic_gradient && !plan.coverage &&
+           !plan.weight && !plan.threshold && plan.own_sheets.empty() && !is_scalar(plan.mode);
 }
 
 template <class T>

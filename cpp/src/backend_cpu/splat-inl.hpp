@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <type_traits>
 
 #include "backend_cpu/tile_task.hpp"
 #include "hwy/highway.h"
@@ -76,8 +77,8 @@ HWY_INLINE std::int32_t last_of(const Section<T>& section, T half_depth, std::in
         std::min(static_cast<T>(section.first) + std::max(further, T(-1)), static_cast<T>(most)));
 }
 
-/// Kernels that are drawn one by one.
-template <Sums sums, class T, bool slopes>
+/// Kernels that are drawn one by one. several: for several lattices.
+template <Sums sums, class T, bool slopes, bool several = false>
 class SingleKernels {
   public:
     SingleKernels(Splat<T, slopes>& splat, const TileKernels<T>& kernels) : splat_(splat), kernels_(kernels) {}
@@ -97,7 +98,11 @@ class SingleKernels {
             }
             const int count = splat_.slices_of(extra.last, numbers[kernel]);
             if (count > 0) {
-                drawn += add_kernel<sums>(splat_, section, extra, shape, count);
+                for_each_value<several>(splat_, kernels_, numbers[kernel], [&](Splat<T, slopes>& to, T value) {
+                    Section<T> own = section;
+                    own.value = value;
+                    drawn += add_kernel<sums>(to, own, extra, shape, count);
+                });
             }
         }
         return drawn;
@@ -109,7 +114,7 @@ class SingleKernels {
 };
 
 /// The same of upright kernels of one shape.
-template <Sums sums, class T, bool slopes>
+template <Sums sums, class T, bool slopes, bool several = false>
 class UprightKernels {
   public:
     UprightKernels(Splat<T, slopes>& splat, const TileKernels<T>& kernels)
@@ -122,8 +127,10 @@ class UprightKernels {
             const Section<T>& section = kernels_.sections[numbers[kernel]];
             const int count = splat_.slices_of(last_of(section, half_depth_, kernels_.last_slice), numbers[kernel]);
             if (count > 0) {
-                drawn += add_spheres<sums>(splat_, section, {section.value, kernels_.weight, T(0)},
-                                           kernels_.shapes.front(), per_X_, count);
+                for_each_value<several>(splat_, kernels_, numbers[kernel], [&](Splat<T, slopes>& to, T value) {
+                    drawn += add_spheres<sums>(to, section, {value, kernels_.weight, T(0)}, kernels_.shapes.front(),
+                                               per_X_, count);
+                });
             }
         }
         return drawn;
@@ -149,20 +156,28 @@ bool with_way(Splat<T, slopes>& splat, const TileKernels<T>& kernels, const Tile
             return use(SingleKernels<Sums::pairs, T, slopes>(splat, kernels));
         }
     }
-    return with_sums<T>(splat.profile, [&](auto sums) {
+    const auto by_shape = [&](auto sums, auto several) {
+        constexpr Sums added = decltype(sums)::value;
+        constexpr bool of_several = decltype(several)::value;
         if (upright) {
-            return SphereBatch<sums.value, T, slopes>::holds(shape)
-                       ? use(SphereBatch<sums.value, T, slopes>(splat, kernels))
-                       : use(UprightKernels<sums.value, T, slopes>(splat, kernels));
+            return SphereBatch<added, T, slopes, of_several>::holds(shape)
+                       ? use(SphereBatch<added, T, slopes, of_several>(splat, kernels))
+                       : use(UprightKernels<added, T, slopes, of_several>(splat, kernels));
         }
         if constexpr (!slopes) {
             if (alike && are_products(setup, splat.profile, kernels, tile, splat.n, lean)) {
                 const ProductView<T> view = product_view(splat, shape, kernels.reach_x, kernels.reach_y, &lean);
-                return use(ProductBatch<sums.value, T>(splat, kernels, view));
+                return use(ProductBatch<added, T, of_several>(splat, kernels, view));
             }
         }
-        return use(SingleKernels<sums.value, T, slopes>(splat, kernels));
-    });
+        return use(SingleKernels<added, T, slopes, of_several>(splat, kernels));
+    };
+    if constexpr (!slopes) {
+        if (kernels.fields > 1) {
+            return by_shape(std::integral_constant<Sums, Sums::values>(), std::true_type());
+        }
+    }
+    return with_sums<T>(splat.profile, [&](auto sums) { return by_shape(sums, std::false_type()); });
 }
 
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE

@@ -22,8 +22,8 @@
 HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::backend_cpu::HWY_NAMESPACE {
 
-/// Kernels of one upright shape in an orthographic view.
-template <Sums sums, class T, bool slopes>
+/// Kernels of one upright shape in an orthographic view. several: for several lattices.
+template <Sums sums, class T, bool slopes, bool several = false>
 class SphereBatch {
   public:
     SphereBatch(Splat<T, slopes>& splat, const TileKernels<T>& kernels)
@@ -45,9 +45,15 @@ class SphereBatch {
             if (count <= 0 || !splat_.sees(box)) {
                 continue;
             }
-            add(kernel, box, count, kernels_.sections[numbers[kernel]].value);
-            splat_.through[count - 1].add(box);
-            drawn += count;
+            HWY_ALIGN T bell_x[2 * most_px];
+            const int start = begin(kernel, box, bell_x);
+            if constexpr (several) {
+                drawn += count * add_all(numbers[kernel], kernel, box, start, bell_x, count);
+            } else {
+                add(kernel, box, start, bell_x, count, kernels_.sections[numbers[kernel]].value);
+                splat_.through[count - 1].add(box);
+                drawn += count;
+            }
         }
         return drawn;
     }
@@ -98,15 +104,21 @@ class SphereBatch {
         }
     }
 
+    /// Finds a kernel's factors of columns; returns the first one.
+    HWY_INLINE int begin(int kernel, const Rect& box, T* bell_x) const {
+        const hn::CappedTag<T, most_px> d;
+        const int start = start_of<T>(box.x0, box.x1, static_cast<int>(hn::Lanes(d)));
+        const T at_x = at_.a1[kernel] + shape_.X * static_cast<T>(start);
+        bells(d, -minus_k_, at_x, shape_.X, box.x1 - start, bell_x);
+        return start;
+    }
+
     /// Adds `count` slices of a kernel to the sheets.
-    HWY_INLINE void add(int kernel, const Rect& box, int count, T value) const {
+    HWY_INLINE void add(int kernel, const Rect& box, int start, const T* bell_x, int count, T value) const {
         const hn::CappedTag<T, most_px> d;
         const T edge = splat_.profile.edge;
         const Amounts<T> amounts{value, kernels_.weight, T(0)};
-        const int start = start_of<T>(box.x0, box.x1, static_cast<int>(hn::Lanes(d)));
-        const T at_x = at_.a1[kernel] + shape_.X * static_cast<T>(start);
-        HWY_ALIGN T bell_x[2 * most_px];
-        bells(d, -minus_k_, at_x, shape_.X, box.x1 - start, bell_x);
+        [[maybe_unused]] const T at_x = at_.a1[kernel] + shape_.X * static_cast<T>(start);
         HWY_ALIGN T slope_x[slopes ? 2 * most_px : 1];
         const Steepness<sums, T> steepness(splat_.steep(), amounts);
         if constexpr (slopes) {
@@ -125,6 +137,28 @@ class SphereBatch {
                                              SeparableBells<decltype(d), number.value, room>(bell_x, bell_y, bell_z),
                                              edge, amounts, start, box.x1, box.y0, box.y1);
             }
+        });
+    }
+
+    /// The same to the sheets of all lattices that a kernel is drawn for; returns how many these are.
+    HWY_INLINE int add_all(std::uint32_t number, int kernel, const Rect& box, int start, const T* bell_x, int count) {
+        const SeveralTargets<T, 1 + most_beside> all(&splat_, kernels_.values.data() + number * kernels_.fields,
+                                                     kernels_.fields);
+        for (int one = 0; one < all.count; ++one) {
+            (&splat_)[all.field[one]].through[count - 1].add(box);
+        }
+        all.with_count([&](auto fields) { add_to<fields.value>(all, kernel, box, start, bell_x, count); });
+        return all.count;
+    }
+    template <int fields>
+    HWY_NOINLINE void add_to(const SeveralTargets<T, 1 + most_beside>& all, int kernel, const Rect& box, int start,
+                             const T* bell_x, int count) const {
+        const hn::CappedTag<T, most_px> d;
+        in_batches<most_of_several<fields>>(0, count, [&](int slice, auto together) {
+            add_rows_of_several<fields, together.value>(d, all, slice,
+                                                        SeparableBells<decltype(d), together.value, room>(
+                                                            bell_x, bell_y_ + kernel, bell_z_ + slice * room + kernel),
+                                                        splat_.profile.edge, start, box.x1, box.y0, box.y1);
         });
     }
 

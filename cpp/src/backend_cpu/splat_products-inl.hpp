@@ -431,8 +431,8 @@ HWY_NOINLINE int add_one_product(const ProductBox<T>& at, Splat<T, slopes>& spla
     return count;
 }
 
-/// Kernels of one shape that are products.
-template <Sums sums, class T>
+/// Kernels of one shape that are products. several: for several lattices.
+template <Sums sums, class T, bool several = false>
 class ProductBatch {
   public:
     /// view: kept by the caller.
@@ -451,26 +451,28 @@ class ProductBatch {
             if (count <= 0) {
                 continue;
             }
-            const Amounts<T> amounts{section.value, kernels_.weight, T(0)};
+            const auto amounts = [&](T value) { return Amounts<T>{value, kernels_.weight, T(0)}; };
             if (!(holds_[kernel] > T(0))) {
-                drawn += add_ellipses<sums>(splat_, section, amounts, view_.shape, count);
+                for_each_value<several>(splat_, kernels_, numbers[kernel], [&](Splat<T, false>& to, T value) {
+                    drawn += add_ellipses<sums>(to, section, amounts(value), view_.shape, count);
+                });
                 continue;
             }
             const Rect box = at_.box(kernel);
             if (!splat_.sees(box)) {
                 continue;
             }
-            drawn += count;
             const ProductBox<T> place(box, x_c_[kernel], y_c_[kernel]);
             if (place.small()) {
-                small[smalls++] = {place, &section, count};
+                small[smalls++] = {place, numbers[kernel], count};
                 most = std::max(most, count);
             } else {
-                add_one_product<sums>(place, splat_, section, amounts, view_, count);
+                for_each_value<several>(splat_, kernels_, numbers[kernel], [&](Splat<T, false>& to, T value) {
+                    drawn += add_one_product<sums>(place, to, section, amounts(value), view_, count);
+                });
             }
         }
-        add_small(small, smalls, most);
-        return drawn;
+        return drawn + add_small(small, smalls, most);
     }
 
   private:
@@ -479,8 +481,8 @@ class ProductBatch {
     using V = typename KernelBatch<T>::V;
     struct Small {
         ProductBox<T> place;
-        const Section<T>* section;
-        int count; ///< slices
+        std::uint32_t number; ///< of the kernel
+        int count;            ///< slices
     };
 
     HWY_INLINE void measure(const std::uint32_t* numbers, int number) {
@@ -512,21 +514,26 @@ class ProductBatch {
         }
     }
 
-    /// most: slices of any.
-    void add_small(const Small* small, int number, int most) {
+    /// most: slices of any. Returns how many sections were drawn.
+    int add_small(const Small* small, int number, int most) {
         HWY_ALIGN T bells[room * covered_slices * 2 * small_px];
         constexpr int apart = covered_slices * 2 * small_px;
         for (int i = 0; i < number; ++i) {
             ProductPlaces<T> first, more;
-            find_places(small[i].place, *small[i].section, view_, static_cast<T>(splat_.n - small[i].section->first),
-                        first, more);
+            const Section<T>& section = kernels_.sections[small[i].number];
+            find_places(small[i].place, section, view_, static_cast<T>(splat_.n - section.first), first, more);
             bells_of_small(splat_.profile.falloff_log2, first, more, view_.lean != nullptr, most, bells + i * apart);
         }
+        int drawn = 0;
         for (int i = 0; i < number; ++i) {
             const T* own = bells + i * apart;
-            add_product<sums>(small[i].place, Bells<T>{own, own + small_px, 2 * small_px}, splat_,
-                              {small[i].section->value, kernels_.weight, T(0)}, view_, small[i].count);
+            for_each_value<several>(splat_, kernels_, small[i].number, [&](Splat<T, false>& to, T value) {
+                add_product<sums>(small[i].place, Bells<T>{own, own + small_px, 2 * small_px}, to,
+                                  {value, kernels_.weight, T(0)}, view_, small[i].count);
+                drawn += small[i].count;
+            });
         }
+        return drawn;
     }
 
     Splat<T, false>& splat_;

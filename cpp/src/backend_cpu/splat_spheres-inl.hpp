@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <type_traits>
 
 #include "backend_cpu/tile_task.hpp"
 #include "hwy/highway.h"
@@ -78,6 +79,71 @@ HWY_INLINE void add_rows(D d, const Target<T>* to, Bells bells, T edge_t, const 
             bells.at_row(y);
             for (int slice = 0; slice < slices; ++slice) {
                 add_bell<sums>(d, bells.less(edge, slice), shares, sheets[slice].further(at));
+            }
+        }
+    }
+}
+
+/// Sheets of several lattices, of the slices that a kernel meets, and what it adds to each.
+template <class T, std::size_t most>
+struct SeveralTargets {
+    const Target<T>* to[most + 1]; ///< (and room for one that is not taken)
+    T value[most + 1];
+    std::size_t field[most + 1]; ///< which of the lattices
+    int count = 0;
+
+    /// Takes those of which a kernel has a value. (Without a branch for each, which would be foreseen by chance.)
+    template <bool slopes>
+    HWY_INLINE SeveralTargets(const Splat<T, slopes>* splats, const T* values, std::size_t fields) {
+        for (std::size_t number = 0; number < fields; ++number) {
+            to[count] = splats[number].targets;
+            value[count] = values[number];
+            field[count] = number;
+            count += values[number] != T(0) ? 1 : 0;
+        }
+    }
+    /// Calls use(count) with the number as a constant; not for 0.
+    template <class Use, int number = static_cast<int>(most)>
+    HWY_INLINE void with_count(const Use& use) const {
+        if constexpr (number > 0) {
+            if (count == number) {
+                use(std::integral_constant<int, number>());
+            } else {
+                with_count<Use, number - 1>(use);
+            }
+        }
+    }
+};
+
+/// Slices of a kernel whose rows are written side by side, in sheets of each of some lattices.
+template <int fields>
+constexpr int most_of_several = fields == 1 ? 5 : (fields == 2 ? 3 : 2);
+
+/// As add_rows, to the sheets of `fields` lattices, from a slice on.
+template <int fields, int slices, class D, class Bells, std::size_t most, class T = hn::TFromD<D>, class V = hn::Vec<D>>
+HWY_INLINE void add_rows_of_several(D d, const SeveralTargets<T, most>& all, int first, Bells bells, T edge_t, int x0,
+                                    int x1, int y0, int y1) {
+    const V edge = hn::Set(d, edge_t), zero = hn::Zero(d);
+    const std::ptrdiff_t stride = all.to[0][0].stride;
+    T* sheets[slices][fields];
+    V amounts[fields];
+    for (int field = 0; field < fields; ++field) {
+        amounts[field] = hn::Set(d, all.value[field]);
+        for (int slice = 0; slice < slices; ++slice) {
+            sheets[slice][field] = all.to[field][first + slice].value;
+        }
+    }
+    for (int x = x0; x < x1; x += static_cast<int>(hn::Lanes(d))) {
+        bells.at_column(x - x0);
+        std::ptrdiff_t at = y0 * stride + x;
+        for (int y = 0; y < y1 - y0; ++y, at += stride) {
+            bells.at_row(y);
+            for (int slice = 0; slice < slices; ++slice) {
+                const V t = hn::Max(bells.less(edge, slice), zero);
+                for (int field = 0; field < fields; ++field) {
+                    T* to = sheets[slice][field] + at;
+                    hn::StoreU(hn::MulAdd(amounts[field], t, hn::LoadU(d, to)), d, to);
+                }
             }
         }
     }

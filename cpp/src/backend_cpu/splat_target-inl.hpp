@@ -252,6 +252,23 @@ struct Splat {
     }
 };
 
+/// Calls add(splat, value) for each lattice that a kernel is drawn for. splat: the first of as many as there are
+/// lattices, each to its own sheets.
+template <bool several, class T, bool slopes, class Add>
+HWY_INLINE void for_each_value(Splat<T, slopes>& splat, const TileKernels<T>& kernels, std::uint32_t number,
+                               const Add& add) {
+    if constexpr (several) {
+        const T* values = kernels.values.data() + number * kernels.fields;
+        for (std::size_t field = 0; field < kernels.fields; ++field) {
+            if (values[field] != T(0)) {
+                add((&splat)[field], values[field]);
+            }
+        }
+    } else {
+        add(splat, kernels.sections[number].value);
+    }
+}
+
 } // namespace sheetsplat::backend_cpu::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 

@@ -151,7 +151,7 @@ class TileLoop {
     template <bool slopes>
     bool splat_part(TilePart<T>& part, std::int64_t n, const std::function<bool()>& between) {
         const PartProfile<T>& profile = part.profile();
-        Target<T> targets[covered_slices];
+        Target<T> targets[covered_slices * (1 + most_beside)];
         for (int slice = 0; slice < covered_slices; ++slice) {
             const auto sheet = [&](int channel) { return channel >= 0 ? ring_.plane(n + slice, channel) : nullptr; };
             targets[slice] = {sheet(profile.value_channel),
@@ -161,21 +161,43 @@ class TileLoop {
                               sheet(profile.slope_channel),
                               sheet(profile.weight_slope_channel),
                               ring_.elements()};
+            Target<T>* beside = targets + slice;
+            for (const auto& other : profile.beside) {
+                beside += covered_slices;
+                *beside = {sheet(other.value_channel), nullptr, nullptr, shape_.stride, nullptr, nullptr, 0};
+            }
         }
-        Splat<T, slopes> splat{setup_, profile, live_, static_cast<std::int32_t>(n), targets, part.waiting_for(n)};
+        const auto splat_to = [&](std::size_t field) {
+            return Splat<T, slopes>{setup_,
+                                    profile,
+                                    live_,
+                                    static_cast<std::int32_t>(n),
+                                    targets + field * covered_slices,
+                                    part.waiting_for(n)};
+        };
+        static_assert(most_beside == 3);
+        Splat<T, slopes> splats[1 + most_beside] = {splat_to(0), splat_to(1), splat_to(2), splat_to(3)};
+        Splat<T, slopes>& splat = splats[0];
         // One slice can hold very many kernels. (Where the picture is given up, so are the sheets.)
         const bool all_drawn = part.draw(splat, shape_, [&](unsigned kernels, int sections) {
             scratch_.sections_drawn += static_cast<std::uint64_t>(sections);
             asked_ += kernels;
             return asked_ % splats_between_polls >= kernels || between();
         });
-        splat.tell([&](std::int32_t slice, const Rect& rect) {
-            ring_.touch(slice, rect, profile.group);
-            if (profile.other_channel >= 0) {
-                ring_.touch(slice, rect, profile.other_group);
-            }
+        const auto touch = [&](std::int32_t slice, const Rect& rect, std::size_t group) {
+            ring_.touch(slice, rect, group);
             last_touched_ = std::max<std::int64_t>(last_touched_, slice);
+        };
+        splat.tell([&](std::int32_t slice, const Rect& rect) {
+            touch(slice, rect, profile.group);
+            if (profile.other_channel >= 0) {
+                touch(slice, rect, profile.other_group);
+            }
         });
+        for (std::size_t other = 0; other < profile.beside.size(); ++other) {
+            splats[1 + other].tell(
+                [&](std::int32_t slice, const Rect& rect) { touch(slice, rect, profile.beside[other].group); });
+        }
         if (!part.waiting_for(n).empty()) {
             last_touched_ = std::max<std::int64_t>(last_touched_, n + covered_slices);
         }

@@ -100,14 +100,21 @@ class TilePart {
     /// Replaces the kernels, of which none but those that wait are drawn again, by those of the next slices.
     void feed(const Live& live) {
         auto& carried = kernels_.carried;
+        auto& values = kernels_.carried_values;
         carried.clear();
+        values.clear();
         for (auto& waiting : kernels_.waiting) {
             for (std::uint32_t& number : waiting) {
                 carried.push_back(kernels_.sections[number]);
+                if (kernels_.fields > 1) {
+                    const auto own = kernels_.values.begin() + static_cast<std::ptrdiff_t>(number * kernels_.fields);
+                    values.insert(values.end(), own, own + static_cast<std::ptrdiff_t>(kernels_.fields));
+                }
                 number = static_cast<std::uint32_t>(carried.size() - 1);
             }
         }
         kernels_.sections.assign(carried.begin(), carried.end());
+        kernels_.values.assign(values.begin(), values.end());
         next_ = carried.size();
         feed_->feed(live);
     }

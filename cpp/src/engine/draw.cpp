@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "backend_cpu/cpu_renderer.hpp"
+#include "backend_cpu/measured.hpp"
 #include "base/memory.hpp"
 #include "scene/mode_rules.hpp"
 #include "view/ellipsoid_view.hpp"
@@ -72,6 +73,56 @@ std::vector<Rest> find_rests(const Scene& scene, const std::vector<std::size_t>&
 
 namespace {
 
+/// Of the samples that several lattices draw, at most so many may be drawn by any: else one walk saves too little.
+constexpr double most_of_any = 0.85;
+
+/// Whether a lattice is splatted if others like it are: colours may be summed at single points.
+bool may_go_together(const Scene& scene, std::size_t field) {
+    const std::vector<Group> groups = groups_drawn(scene);
+    const std::size_t own = group_drawn_of(scene, field);
+    const auto gives_colors = [&](std::size_t group) {
+        return group < groups.size() && groups[group].use.role == GroupRole::colors;
+    };
+    return groups[own].use.role == GroupRole::shown ||
+           (gives_colors(own) && (gives_colors(own + 1) || gives_colors(own - 1)));
+}
+
+} // namespace
+
+std::vector<Together> find_together(const Scene& scene, const std::vector<std::size_t>& fields, const Indexed& indexed,
+                                    FieldIndex& index) {
+    std::vector<Together> found;
+    std::vector<std::uint8_t> taken(fields.size(), 0);
+    for (std::size_t first = 0; first < fields.size(); ++first) {
+        Together all{{}, nullptr};
+        std::vector<const RunsEntry*> entries;
+        std::size_t samples = 0;
+        for (std::size_t part = first; part < fields.size() && all.parts.size() <= backend_cpu::most_beside; ++part) {
+            const RunsEntry& entry = *indexed.runs[part];
+            if (taken[part] == 0 && entry.runs.samples() > 0 && may_go_together(scene, fields[part]) &&
+                FieldIndex::have_the_same_kernels(*scene.fields[fields[first]], *scene.fields[fields[part]])) {
+                all.parts.push_back(part);
+                entries.push_back(&entry);
+                samples += entry.runs.samples();
+            }
+        }
+        if (all.parts.size() < 2 || all.parts.front() != first) {
+            continue;
+        }
+        all.runs = &index.runs_of_any(entries);
+        if (static_cast<double>(all.runs->samples()) > most_of_any * static_cast<double>(samples)) {
+            continue;
+        }
+        for (const std::size_t part : all.parts) {
+            taken[part] = 1;
+        }
+        found.push_back(std::move(all));
+    }
+    return found;
+}
+
+namespace {
+
 /// Whether the sums of a field's values are divided by those of its weights, in sheets of its own.
 bool is_divided_alone(const Scene& scene, std::size_t field) {
     const Group group = groups_drawn(scene)[group_drawn_of(scene, field)];
@@ -82,16 +133,35 @@ bool is_divided_alone(const Scene& scene, std::size_t field) {
 
 backend_cpu::Job cpu_job(const Request& request, const Prepared& prepared, const Indexed& indexed,
                          const std::vector<FieldView>& lattices, const std::vector<EllipsoidView>& scattered,
-                         const Camera& camera, const Frame& frame, const DrawPlan& plan) {
+                         const Camera& camera, const Frame& frame, const DrawPlan& plan, bool one_walk) {
     backend_cpu::Job job;
+    std::vector<const Together*> walked_with(lattices.size(), nullptr);
+    for (const Together& together : indexed.together) {
+        for (const std::size_t part : together.parts) {
+            walked_with[part] = one_walk && backend_cpu::sums_values_alone(plan) ? &together : nullptr;
+        }
+    }
     for (std::size_t part = 0; part < lattices.size(); ++part) {
         const std::size_t field = prepared.view_fields[part];
         const auto rest = std::find_if(indexed.rests.begin(), indexed.rests.end(),
                                        [field](const Rest& one) { return one.field == field; });
         if (rest != indexed.rests.end() && backend_cpu::finds_rests(plan, lattices[part])) {
             job.rests.push_back({field, &lattices[part], &indexed.runs[part]->runs, rest->layers});
-        } else {
-            job.regular.push_back({field, &lattices[part], &indexed.runs[part]->runs});
+            continue;
+        }
+        const Together* all = walked_with[part];
+        if (all != nullptr && all->parts.front() != part) {
+            continue;
+        }
+        const VisibleRuns* own = &indexed.runs[part]->runs;
+        backend_cpu::RegularPart& made =
+            job.regular.emplace_back(backend_cpu::RegularPart{field, &lattices[part], own, own, {}});
+        if (all != nullptr) {
+            made.runs = all->runs;
+            for (std::size_t other = 1; other < all->parts.size(); ++other) {
+                const std::size_t number = all->parts[other];
+                made.beside.push_back({prepared.view_fields[number], &lattices[number], &indexed.runs[number]->runs});
+            }
         }
     }
     std::vector<const Twins*> twins_of(scattered.size(), nullptr);

@@ -61,6 +61,13 @@ struct Rest {
     std::size_t layers = 0; ///< FieldIndex::share_samples
 };
 
+/// Lattices whose kernels differ in their values alone and that draw the same samples in good part: one walk is for
+/// all.
+struct Together {
+    std::vector<std::size_t> parts;    ///< views; two or more
+    const VisibleRuns* runs = nullptr; ///< of any
+};
+
 /// What is drawn: of each view's and each scattered field's kernels.
 struct Indexed {
     std::vector<const RunsEntry*> runs;
@@ -69,7 +76,8 @@ struct Indexed {
     std::vector<Twins> twins;             ///< a grid is one of at most two
     /// Fields of labels without a colour, one of a set: their sums are those of all samples of the lattice less those
     /// of the others in the set.
-    std::vector<Rest> rests; ///< one of a set of labels at most
+    std::vector<Rest> rests;        ///< one of a set of labels at most
+    std::vector<Together> together; ///< a view is in one at most
     std::size_t visible = 0, all = 0, bytes = 0;
     LightVolumes volumes; ///< where the plan has shadows or ambient occlusion
 };
@@ -88,13 +96,17 @@ std::vector<Twins> find_twins(const std::vector<const GridEntry*>& grids, FieldI
 std::vector<Rest> find_rests(const Scene& scene, const std::vector<std::size_t>& fields,
                              const std::vector<const RunsEntry*>& runs, FieldIndex& index);
 
+/// Those of Indexed::together, without Indexed::rests.
+std::vector<Together> find_together(const Scene& scene, const std::vector<std::size_t>& fields, const Indexed& indexed,
+                                    FieldIndex& index);
+
 /// How the scattered kernels of a picture look to a camera, in the order of Indexed::grids. Refers to its arguments.
 std::vector<EllipsoidView> views_of(const Indexed& indexed, const DrawPlan& plan, const Camera& camera,
                                     const Frame& frame, Sampling sampling);
 
-/// The processor's job for a view, which refers to the arguments.
+/// The processor's job for a view, which refers to the arguments. one_walk: for all of Indexed::together.
 backend_cpu::Job cpu_job(const Request& request, const Prepared& prepared, const Indexed& indexed,
                          const std::vector<FieldView>& lattices, const std::vector<EllipsoidView>& scattered,
-                         const Camera& camera, const Frame& frame, const DrawPlan& plan);
+                         const Camera& camera, const Frame& frame, const DrawPlan& plan, bool one_walk = true);
 
 } // namespace sheetsplat

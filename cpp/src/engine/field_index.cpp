@@ -364,6 +364,35 @@ std::optional<std::size_t> FieldIndex::share_samples(const std::vector<std::shar
     return sharing_.back().layers;
 }
 
+bool FieldIndex::have_the_same_kernels(const Field& a, const Field& b) {
+    const RegularField *one = as_regular(&a), *other = as_regular(&b);
+    return one != nullptr && other != nullptr && weigh_alike(*one, *other);
+}
+
+const VisibleRuns& FieldIndex::runs_of_any(const std::vector<const RunsEntry*>& entries) {
+    std::vector<std::uint64_t> versions;
+    std::vector<const VisibleRuns*> runs;
+    for (const RunsEntry* entry : entries) {
+        versions.push_back(entry->version);
+        runs.push_back(&entry->runs);
+    }
+    const auto known =
+        std::find_if(any_runs_.begin(), any_runs_.end(), [&](const auto& one) { return one->versions == versions; });
+    if (known != any_runs_.end()) {
+        return (*known)->runs;
+    }
+    const auto is_kept = [this](std::uint64_t version) {
+        return std::any_of(runs_.begin(), runs_.end(), [version](const auto& one) { return one->version == version; });
+    };
+    any_runs_.erase(std::remove_if(any_runs_.begin(), any_runs_.end(),
+                                   [&](const auto& one) {
+                                       return !std::all_of(one->versions.begin(), one->versions.end(), is_kept);
+                                   }),
+                    any_runs_.end());
+    any_runs_.push_back(std::make_unique<AnyRuns>(AnyRuns{std::move(versions), VisibleRuns::of_any(runs)}));
+    return any_runs_.back()->runs;
+}
+
 std::vector<SeenBeside> FieldIndex::seen_beside(std::size_t number, const Scene& scene, const DrawPlan& plan,
                                                 const Frame& frame) {
     const std::vector<Group> groups = groups_drawn(scene);

@@ -66,6 +66,10 @@ class FieldIndex {
     /// add up to that of the kernels of all samples: how many layers at each end of an axis may lack samples where they
     /// meet those of another axis. Nothing where the fields are others. fields: one or more.
     [[nodiscard]] std::optional<std::size_t> share_samples(const std::vector<std::shared_ptr<const Field>>& fields);
+    /// Whether two lattices without holes lie alike and have kernels of one profile.
+    [[nodiscard]] static bool have_the_same_kernels(const Field& a, const Field& b);
+    /// The samples of lattices that lie alike which any of some entries draw.
+    const VisibleRuns& runs_of_any(const std::vector<const RunsEntry*>& entries);
     /// Field::reach_along, by way of the field's grid where there is one.
     [[nodiscard]] std::array<double, 2> reach_along(const Field& field, const Vec3& from, const Vec3& direction) const;
     /// Drops what belongs to other fields. As FieldSurveys::forget_others; of `parts` what takes little beside them.
@@ -82,6 +86,10 @@ class FieldIndex {
         std::vector<std::weak_ptr<const Field>> fields;
         std::optional<std::size_t> layers;
     };
+    struct AnyRuns {
+        std::vector<std::uint64_t> versions; ///< of the entries
+        VisibleRuns runs;
+    };
     [[nodiscard]] const Alike& compared(const std::shared_ptr<const Field>& a, const std::shared_ptr<const Field>& b);
     [[nodiscard]] bool lies_alike(const std::shared_ptr<const Field>& a, const std::shared_ptr<const Field>& b) {
         return compared(a, b).same;
@@ -95,6 +103,7 @@ class FieldIndex {
     std::vector<std::unique_ptr<GridEntry>> grids_;
     std::vector<Alike> alike_;
     std::vector<Sharing> sharing_;
+    std::vector<std::unique_ptr<AnyRuns>> any_runs_;
     std::uint64_t versions_ = 0;
 };
 

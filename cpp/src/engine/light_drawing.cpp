@@ -110,7 +110,8 @@ void fill(const LightGrid& grid, const LightCut& cut, const Group* group, const 
                                            plan.unit_of(field), filter_of(plan)));
     }
     const std::vector<EllipsoidView> scattered = views_of(indexed, plan, camera, frame, Sampling::point);
-    backend_cpu::Job job = cpu_job(request, prepared, indexed, lattices, scattered, camera, frame, plan);
+    backend_cpu::Job job =
+        cpu_job(request, prepared, indexed, lattices, scattered, camera, frame, plan, group == nullptr);
     // Light comes before the picture, of which nothing is done yet.
     const Progress nothing_yet =
         request.progress ? Progress([&request](double) { return request.progress(0.0); }) : Progress();

@@ -222,6 +222,7 @@ Indexed Renderer::State::find_drawn(const Request& asked, const Prepared& prepar
     }
     indexed.twins = find_twins(indexed.grids, index_);
     indexed.rests = find_rests(scene, prepared.view_fields, indexed.runs, index_);
+    indexed.together = find_together(scene, prepared.view_fields, indexed, index_);
     for (const auto& field : scene.fields) {
         indexed.all += field->size();
     }

@@ -305,6 +305,40 @@ VisibleRuns VisibleRuns::of(const RegularField& field, const VisibilityQuery& qu
     return result;
 }
 
+VisibleRuns VisibleRuns::of_any(const std::vector<const VisibleRuns*>& all) {
+    std::size_t most = 0;
+    for (const VisibleRuns* one : all) {
+        most += one->runs_.size();
+    }
+    const std::size_t rows = all.front()->rows();
+    require_memory(most * sizeof(Run) + (rows + 1) * sizeof(std::uint32_t), "the index of drawn samples",
+                   "make the transfer functions transparent over more values, or use smaller volumes");
+    VisibleRuns result;
+    result.row_offset_.assign(rows + 1, 0);
+    result.runs_.reserve(most);
+    std::vector<Run> row;
+    for (std::size_t number = 0; number < rows; ++number) {
+        row.clear();
+        for (const VisibleRuns* one : all) {
+            row.insert(row.end(), one->begin(number), one->end(number));
+        }
+        std::sort(row.begin(), row.end(), [](const Run& a, const Run& b) { return a.begin < b.begin; });
+        const std::size_t first = result.runs_.size();
+        for (const Run& run : row) {
+            if (result.runs_.size() > first && run.begin <= result.runs_.back().end) {
+                result.runs_.back().end = std::max(result.runs_.back().end, run.end);
+            } else {
+                result.runs_.push_back(run);
+            }
+        }
+        for (std::size_t run = first; run < result.runs_.size(); ++run) {
+            result.samples_ += result.runs_[run].end - result.runs_[run].begin;
+        }
+        result.row_offset_[number + 1] = static_cast<std::uint32_t>(result.runs_.size());
+    }
+    return result;
+}
+
 std::size_t VisibleRuns::bytes() const {
     return row_offset_.capacity() * sizeof(std::uint32_t) + runs_.capacity() * sizeof(Run);
 }

@@ -500,6 +500,44 @@ TEST(VisibleRunsDeathTest, MemoryIsCheckedBeforeItIsTaken) {
 }
 #endif
 
+TEST(VisibleRuns, OfAnyHoldWhatOneOfThemHolds) {
+    const std::array<std::size_t, 3> shape{4, 5, 90};
+    std::vector<VisibleRuns> runs;
+    std::vector<const VisibleRuns*> all;
+    for (unsigned number = 0; number < 3; ++number) {
+        std::vector<std::uint8_t> samples(shape[0] * shape[1] * shape[2]);
+        for (std::size_t i = 0; i < samples.size(); ++i) {
+            // Runs that overlap, touch and lie apart; none in some rows.
+            samples[i] = (i * 2654435761U >> (9 + number)) % 5 == 0 && (i / 90) % (number + 2) != 0 ? 1 : 0;
+        }
+        const RegularField field(std::move(samples), shape, zero_boundary());
+        runs.push_back(VisibleRuns::of(field, VisibilityQuery{}));
+    }
+    for (const VisibleRuns& one : runs) {
+        all.push_back(&one);
+    }
+    const VisibleRuns any = VisibleRuns::of_any(all);
+    std::size_t count = 0;
+    for (std::size_t row = 0; row < any.rows(); ++row) {
+        std::vector<int> held(shape[2], 0), wanted(shape[2], 0);
+        std::uint32_t end = 0;
+        for (const auto* run = any.begin(row); run != any.end(row); ++run) {
+            EXPECT_TRUE(run == any.begin(row) || run->begin > end);
+            end = run->end;
+            std::fill(held.begin() + run->begin, held.begin() + run->end, 1);
+        }
+        for (const VisibleRuns& one : runs) {
+            for (const auto* run = one.begin(row); run != one.end(row); ++run) {
+                std::fill(wanted.begin() + run->begin, wanted.begin() + run->end, 1);
+            }
+        }
+        EXPECT_EQ(held, wanted) << "row " << row;
+        count += static_cast<std::size_t>(std::count(wanted.begin(), wanted.end(), 1));
+    }
+    EXPECT_EQ(any.samples(), count);
+    EXPECT_GT(count, runs.front().samples());
+}
+
 TEST(VisibleRuns, Timing) {
     const TransferFunction transfer_function = ramp(40.0, 255.0);
     // Noise below 30 is transparent; of noise below 60 every sample is within reach of a seed.

@@ -66,7 +66,7 @@ def both(volume: ss.RegularField, function: ss.LabelColors, options: dict[str, A
     return renderer.render(scene, camera, SIZE), renderer.render(scene, camera, SIZE, outputs=["coverage"])
 
 
-@pytest.mark.parametrize("view", [{}, {"fov_y": 50}], ids=["orthographic", "perspective"])
+@pytest.mark.parametrize("view", [{}, {"kind": "perspective", "fov_y": 50}], ids=["orthographic", "perspective"])
 @pytest.mark.parametrize("name", CASES)
 def test_what_the_labels_leave_is_the_background(name: str, view: dict[str, Any]) -> None:
     lattice, options, function = CASES[name]

@@ -20,11 +20,22 @@
 
 namespace sheetsplat::backend_cpu {
 
+/// A lattice whose kernels are those of another one but for their values.
+struct LatticeBeside {
+    std::size_t field = 0;
+    const FieldView* view = nullptr;
+    const VisibleRuns* runs = nullptr; ///< which of its samples are drawn
+};
+
 /// A lattice in the scene.
 struct RegularPart {
     std::size_t field = 0; ///< in the scene
     const FieldView* view = nullptr;
-    const VisibleRuns* runs = nullptr; ///< which samples are drawn
+    const VisibleRuns* runs = nullptr; ///< which samples are drawn; with others beside, of any
+    const VisibleRuns* own = nullptr;  ///< of this one
+    /// Summed with these kernels, so that they are no parts of their own: each in sheets of its own, without weights
+    /// and derivatives.
+    std::vector<LatticeBeside> beside = {};
 };
 
 /// A lattice of labels that is not splatted: its sums are those of all samples less those of the other labels of its
@@ -38,6 +49,10 @@ struct RestPart {
 };
 /// Whether the sum of all samples of a lattice is found by places alone: at points, of kernels that are alike.
 [[nodiscard]] bool finds_rests(const DrawPlan& plan, const FieldView& view);
+
+/// Whether kernels of lattices add their values alone to sheets of slices, at points, so that one walk may be for
+/// several (RegularPart::beside).
+[[nodiscard]] bool sums_values_alone(const DrawPlan& plan);
 
 /// A field whose kernels are those of another one but for their values.
 struct ValuesBeside {

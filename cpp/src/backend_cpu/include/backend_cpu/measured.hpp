@@ -31,6 +31,8 @@ constexpr int batch_slices = 16;
 constexpr int most_batches = 512;
 /// Neighbouring samples of a row that are fed or left out together.
 constexpr std::uint32_t fed_together = 16;
+/// Lattices that are summed with the kernels of another one, at most.
+constexpr std::size_t most_beside = 3;
 /// Sheets of the ring: what a drawing covers, and the four slices around an interval.
 constexpr int ring_slots = 16;
 

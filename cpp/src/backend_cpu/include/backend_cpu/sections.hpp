@@ -54,9 +54,10 @@ struct RowBatches {
     std::vector<std::uint32_t> offset; ///< batches + 2
     std::vector<std::uint32_t> parts;  ///< numbers, batch by batch
     struct Stretch {
-        std::size_t first_sample;
-        double depth, step; ///< in slices from slice 0
-        double unit[3];     ///< of the first sample
+        std::size_t row, first_sample;
+        std::uint32_t begin; ///< the first sample's number in its row
+        double depth, step;  ///< in slices from slice 0
+        double unit[3];      ///< of the first sample
     };
     std::vector<Stretch> stretches; ///< of one batch
     /// Samples of a stretch that are looked at together.
@@ -79,6 +80,8 @@ struct TileKernels {
     std::vector<Section<T>> sections;
     std::vector<SectionExtra<T>> extras; ///< empty, or as many as there are sections
     std::vector<RowShape<T>> shapes;     ///< one for all, or as many as there are sections
+    std::size_t fields = 1;              ///< lattices that these kernels are drawn for
+    std::vector<T> values;               ///< of several, [section][lattice]; 0 where a sample is not drawn
     T weight = 0;                        ///< of all where there are no extras
     double pivot = 0.0;                  ///< what the field's values are counted from
     /// Of a field of the same scattered kernels but for their values, which are summed beside these. Null: there is
@@ -94,6 +97,7 @@ struct TileKernels {
     // Room for those that are drawn on one slice, for what one batch of slices leaves to the next, and for the sort.
     std::vector<std::uint32_t> drawn_now;
     std::vector<Section<T>> carried, unsorted;
+    std::vector<T> carried_values;
     std::vector<SectionExtra<T>> unsorted_extras;
     std::vector<RowShape<T>> unsorted_shapes;
     std::vector<std::uint32_t> places;
@@ -106,6 +110,8 @@ struct TileKernels {
         sections.clear();
         extras.clear();
         shapes.clear();
+        values.clear();
+        fields = 1;
         unsorted.clear();
         unsorted_extras.clear();
         unsorted_shapes.clear();
@@ -118,6 +124,7 @@ struct TileKernels {
         return (sections.capacity() + carried.capacity() + unsorted.capacity()) * sizeof(Section<T>) +
                (extras.capacity() + unsorted_extras.capacity()) * sizeof(SectionExtra<T>) +
                (shapes.capacity() + unsorted_shapes.capacity()) * sizeof(RowShape<T>) +
+               (values.capacity() + carried_values.capacity()) * sizeof(T) +
                (places.capacity() + drawn_now.capacity()) * sizeof(std::uint32_t) + rows.bytes();
     }
 };

@@ -9,6 +9,7 @@
 #include <optional>
 #include <vector>
 
+#include "backend_cpu/cpu_renderer.hpp"
 #include "backend_cpu/lattice_extremes.hpp"
 #include "backend_cpu/lattice_reach.hpp"
 #include "backend_cpu/measured.hpp"
@@ -39,7 +40,13 @@ struct PartProfile {
     double pivot = 0.0; ///< what values are counted from
     double other_pivot = 0.0;
     std::size_t group = 0, other_group = 0; ///< to whose sheets it adds
-    bool at_points = false;                 ///< nothing is splatted: GroupShading::summed_at_points
+    /// Where values of lattices go that are summed with these kernels (RegularPart::beside).
+    struct Beside {
+        int value_channel = 0;
+        std::size_t group = 0;
+    };
+    std::vector<Beside> beside;
+    bool at_points = false; ///< nothing is splatted: GroupShading::summed_at_points
 };
 
 /// A field that is divided by its own weights before fields are added.
@@ -162,6 +169,8 @@ struct LatticeRows {
     Sampling sampling = Sampling::point;
     const RowPart* begin = nullptr;
     const RowPart* end = nullptr;
+    const VisibleRuns* own = nullptr;                   ///< RegularPart::own
+    const std::vector<LatticeBeside>* beside = nullptr; ///< RegularPart::beside
 };
 
 /// What a thread needs for a tile; kept from tile to tile.

@@ -25,6 +25,9 @@ class VisibleRuns {
     /// drawn. Beside the result it takes a quarter of a byte for each sample (rows are padded to 64 samples).
     static VisibleRuns of(const RegularField& field, const VisibilityQuery& query);
 
+    /// The samples that any of some runs hold, of lattices of one shape: one or more. Throws OutOfMemory.
+    static VisibleRuns of_any(const std::vector<const VisibleRuns*>& all);
+
     [[nodiscard]] std::size_t samples() const { return samples_; } ///< drawn
     [[nodiscard]] std::size_t bytes() const;
     [[nodiscard]] std::size_t rows() const { return row_offset_.empty() ? 0 : row_offset_.size() - 1; }

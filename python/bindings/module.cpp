@@ -15,6 +15,7 @@ PYBIND11_MODULE(_sheetsplat, module) {
     register_plan(module);
     register_image(module);
     register_renderer(module);
+    register_descent(module);
     register_device(module);
     Released::prepare_for_the_end();
 }

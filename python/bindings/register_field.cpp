@@ -152,13 +152,23 @@ std::optional<std::map<std::string, double>> figures_of(const RegularField& fiel
         {"residual", found->residual}, {"condition", found->condition}, {"steps", found->steps}};
 }
 
+/// A box, and the rows of the matrix that brings the world to it.
+using GivenEnds = std::tuple<Triple, Triple, std::array<Triple, 3>>;
+
 std::shared_ptr<EllipsoidField>
 make_ellipsoids(const py::array& centers, const py::array& scales, const std::optional<py::array>& rotations,
                 const py::array& values, const std::optional<py::array>& weights, const std::string& normalization,
                 double w0, double falloff, std::optional<double> min_scale, std::optional<double> cell_volume,
                 double base, bool unit_rotations, const std::optional<std::array<double, 2>>& value_range,
-                const std::optional<std::pair<Triple, Triple>>& periodic) {
+                const std::optional<std::pair<Triple, Triple>>& periodic, const std::optional<GivenEnds>& ends,
+                std::optional<double> slice_spacing) {
     EllipsoidFieldOptions options;
+    options.slice_spacing = slice_spacing;
+    if (ends) {
+        const auto& [lower, upper, rows] = *ends;
+        options.domain = Parallelepiped(Box{to_vec3(lower), to_vec3(upper)},
+                                        glm::transpose(Mat3(to_vec3(rows[0]), to_vec3(rows[1]), to_vec3(rows[2]))));
+    }
     options.normalization = from_name("normalization", normalization, normalizations);
     options.w0 = w0;
     options.falloff = falloff;
@@ -347,7 +357,8 @@ void register_field(py::module_& module) {
         .def(py::init(&make_ellipsoids), py::arg("centers"), py::arg("scales"), py::arg("rotations").none(true),
              py::arg("values"), py::kw_only(), py::arg("weights").none(true), py::arg("normalization"), py::arg("w0"),
              py::arg("falloff"), py::arg("min_scale"), py::arg("cell_volume"), py::arg("base") = 0.0,
-             py::arg("unit_rotations") = false, py::arg("value_range") = py::none(), py::arg("periodic") = py::none())
+             py::arg("unit_rotations") = false, py::arg("value_range") = py::none(), py::arg("periodic") = py::none(),
+             py::arg("ends") = py::none(), py::arg("slice_spacing") = py::none())
         .def_property_readonly("size", &EllipsoidField::given)
         .def_property_readonly("images", [](const EllipsoidField& field) { return field.size() - field.given(); })
         .def("with_images",
@@ -356,6 +367,7 @@ void register_field(py::module_& module) {
                  arrays.unit_rotations = true;
                  EllipsoidFieldOptions options = field.options();
                  options.periodic.reset();
+                 options.domain.reset();
                  return std::make_shared<EllipsoidField>(std::move(arrays), options);
              })
         .def_property_readonly("centers",

@@ -14,6 +14,7 @@ void register_light(pybind11::module_& module);
 void register_plan(pybind11::module_& module);
 void register_image(pybind11::module_& module);
 void register_renderer(pybind11::module_& module);
+void register_descent(pybind11::module_& module);
 void register_device(pybind11::module_& module);
 
 } // namespace sheetsplat::bindings

@@ -1,7 +1,7 @@
 """Types of the native half; the public names are in the package itself."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -431,3 +431,39 @@ class DeviceReport:
     def workarounds(self) -> list[str]: ...
 
 def devices() -> list[DeviceReport]: ...
+
+class LatticeDescent:
+    @overload
+    def __init__(
+        self,
+        grids: Sequence[tuple[_Triple, NDArray[np.float64]]],
+        levels: Sequence[tuple[tuple[int, int, int], tuple[int, int, int], float]],
+        falloff: float,
+        radius: float,
+        threads: int,
+        exact: bool = False,
+    ) -> None: ...
+    @overload
+    def __init__(
+        self,
+        places: NDArray[np.float64],
+        samples: NDArray[np.float64],
+        levels: Sequence[tuple[tuple[int, int, int], tuple[int, int, int], float]],
+        falloff: float,
+        radius: float,
+        threads: int,
+    ) -> None: ...
+    def norm(self, level: int) -> float: ...
+    def misfit(self) -> tuple[float, float]: ...
+    def residual(self) -> NDArray[np.float64]: ...
+    def coefficients(self, level: int) -> NDArray[np.float32]: ...
+    def soften(self, level: int, threshold: float, only_active: bool) -> tuple[float, int]: ...
+    def round_off(
+        self,
+        level: int,
+        step: float,
+        squared_error_a_bit: float,
+        bits: NDArray[np.float32],
+        only_active: bool,
+    ) -> tuple[float, int]: ...
+    def set(self, level: int, coefficients: NDArray[np.float64]) -> None: ...

@@ -40,6 +40,7 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _PACKAGES = {"PIL": "pillow", "flip_evaluator": "flip-evaluator", "nrrd": "pynrrd", "imageio_ffmpeg": "imageio-ffmpeg"}
 # The extras of this package that install what it needs beside its dependencies.
 _EXTRAS = {
+    "encode": ("constriction",),
     "plot": ("matplotlib",),
     "medical": ("nibabel", "pydicom"),
     "science": ("xarray", "h5netcdf", "zarr", "numcodecs", "tifffile", "mrcfile", "dask", "pandas", "meshio"),

@@ -324,6 +324,10 @@ struct EllipsoidFieldOptions {
     /// A box whose opposite faces are one and the same: what leaves it by one comes in by the other. An axis whose
     /// lower and upper end are equal, or one of which is infinite, does not wrap.
     std::optional<Box> periodic{};
+    /// Where the kernels stand for a field that ends: where that does. Not with `periodic`, which has its own ends.
+    std::optional<Parallelepiped> domain{};
+    /// Where the kernels stand for another field: its default_slice_spacing().
+    std::optional<double> slice_spacing{};
 };
 
 /// Ellipsoidal Gaussians of any place, size and direction ([NM06]). Immutable; may have no kernels at all.

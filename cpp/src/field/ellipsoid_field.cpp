@@ -254,8 +254,13 @@ EllipsoidField::EllipsoidField(EllipsoidArrays arrays, const EllipsoidFieldOptio
     std::nth_element(smallest.begin(), middle, smallest.end());
     const double median = n % 2 == 1 ? *middle : 0.5 * (*middle + *std::max_element(smallest.begin(), middle));
     slice_spacing_ = std::max(0.5 * median, glm::length(centres_world_.extent()) / slices_of_diagonal);
+    if (options.slice_spacing) {
+        slice_spacing_ = *options.slice_spacing;
+    }
     if (domain_) {
         add_images();
+    } else {
+        domain_ = options.domain;
     }
 
     if (options.normalization == Normalization::lattice) {

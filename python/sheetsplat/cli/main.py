@@ -26,6 +26,7 @@ _COMMANDS = {
     "view": "Show a volume in a page of the browser, to look at from all sides.",
     "turntable": "Write a film in which the eye turns about a volume.",
     "animate": "Write a film of a time series, or of a moving camera.",
+    "encode": "Write a volume as few kernels, with a bound of the error.",
     "plan": "Show what the scene calls for, effect by effect, with the reason.",
     "accuracy": "Measure what accuracy costs in time: table, JSON and plot.",
     "info": "Show sizes, ranges, histogram and memory of a volume.",

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+import os
+from pathlib import Path
 from typing import Any, Self, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sheetsplat import _memory, _sheetsplat
-from sheetsplat._checks import Bounds, choice, number, numbers, optional_number, triple
+from sheetsplat._checks import Bounds, Triple, choice, number, numbers, optional_number, triple
 from sheetsplat._properties import Forwarded
 from sheetsplat._rows import usable_rows
-from sheetsplat.errors import Words, complain, option_ref, unusable
+from sheetsplat.errors import Error, Words, complain, option_ref, unusable
 from sheetsplat.fields.axes import axes_of_covariances, axes_of_frames
 from sheetsplat.fields.base import NOT_OPENED, Field, NanPolicy, Normalization
+from sheetsplat.fields.code import Bound, Code
 from sheetsplat.fields.trim import Trim
 from sheetsplat.fields.wrapping import Periodic, periodic_box
 from sheetsplat.quantity import Quantity
@@ -25,8 +28,11 @@ _FALLOFF = 8.0
 _LEAST_WEIGHT = 1e-30
 # All that a field is made of: arrays of the native field, and the rest.
 _ARRAYS = ("centers", "scales", "rotations", "values", "weights")
-_OPTIONS = ("normalization", "w0", "falloff", "min_scale", "cell_volume", "base", "periodic")
-_PARTS = (*(f"_{name}" for name in _OPTIONS), "_ghosts", "_ghost_options", "_keeps_mass")
+_OPTIONS = (
+    *("normalization", "w0", "falloff", "min_scale", "cell_volume", "base", "periodic"),
+    *("ends", "slice_spacing"),
+)
+_PARTS = (*(f"_{name}" for name in _OPTIONS), "_ghosts", "_ghost_options", "_keeps_mass", "_code")
 
 
 # What the rows of each array are, and their shapes.
@@ -83,6 +89,10 @@ def _kernels(nan: str, centers: object, **others: object) -> list[Any]:
     told = {name.removesuffix("s"): one for name, one in arrays.items()}
     kept = usable_rows("EllipsoidField", told, nan, row="kernel")
     return [one if one is None or kept is None else one[kept] for one in arrays.values()]
+
+
+#: A box, and the rows of the matrix that brings the world to it.
+Ends = tuple[Triple, Triple, tuple[Triple, Triple, Triple]]
 
 
 class KernelOptions(TypedDict, total=False):
@@ -164,9 +174,15 @@ class EllipsoidField(Field):
     (2, 0.5)
     """
 
-    __slots__ = ("_base", "_cell_volume", "_ghost_options", "_ghosts", "_keeps_mass", "_min_scale", "_periodic")
+    __slots__ = (
+        *("_base", "_cell_volume", "_code", "_ends", "_ghost_options", "_ghosts", "_keeps_mass", "_min_scale"),
+        *("_periodic", "_slice_spacing"),
+    )
     native: _sheetsplat.EllipsoidField
+    _code: Code | None
+    _ends: Ends | None
     _ghost_options: tuple[float, float] | None
+    _slice_spacing: float | None
     _keeps_mass: bool
     _periodic: Bounds | None
 
@@ -196,6 +212,7 @@ class EllipsoidField(Field):
         self._periodic = periodic_box("EllipsoidField", periodic)
         self._quantity, self._opened, self._orientation, self._trim = Quantity(), NOT_OPENED, None, Trim()
         self._ghosts, self._ghost_options, self._weighting, self._keeps_mass = 0, None, None, False
+        self._ends, self._slice_spacing, self._code = None, None, None
         rest = {"scales": scales, "rotations": rotations, "values": values, "weights": weights}
         places, sizes, turns, heights, masses = _kernels(nan, centers, **rest)
         self.native = self._made(places, sizes, turns, heights, masses)
@@ -283,8 +300,61 @@ class EllipsoidField(Field):
         counted = None if value_range is None else tuple(value - self._base for value in value_range)
         rows = centers, scales, rotations, values, weights
         native = self._made(*rows, unit_rotations=True, value_range=counted, **changes)
-        changed: dict[str, Any] = {f"_{name}": one for name, one in changes.items()}
+        changed: dict[str, Any] = {f"_{name}": one for name, one in changes.items()} | {"_code": None}
         return self._with(native=native, _weighting=self._weighting_of((len(values),)), **changed)
+
+    @property
+    def bound(self) -> Bound | None:
+        """How far it is from the data that it was encoded from (`sheetsplat.fit.encode`); None for other fields."""
+        return None if self._code is None else self._code.bound
+
+    @property
+    def code(self) -> Code:
+        """The bytes of the file that it is stored as; InvalidInput for fields that are not encoded."""
+        if self._code is None:
+            raise complain(
+                "EllipsoidField: the field cannot be saved",
+                "kernels that are not encoded",
+                "a field of sheetsplat.fit.encode",
+                "encode it first",
+            )
+        return self._code
+
+    def encoded_as(self, code: Code) -> Self:
+        """Return the same field with the bytes of the file that it is stored as."""
+        return self._with(_code=code)
+
+    def standing_for(self, ends: Ends | None, slice_spacing: float | None) -> Self:
+        """Return the same kernels as a field that ends where another does, with its default distance of slices.
+
+        Parameters
+        ----------
+        ends
+            A box, its lower and its upper corner, and the rows of the matrix that brings the world to it.
+        slice_spacing
+            World units; None: that of the kernels.
+        """
+        rows = (getattr(self.native, name) for name in _ARRAYS)
+        return self.with_rows(*rows, ends=ends, slice_spacing=slice_spacing)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write an encoded field to a .ssk file, which `sheetsplat.open` reads.
+
+        Raises
+        ------
+        InvalidInput
+            For fields that are not encoded, and for paths with another ending.
+        Error
+            Where the file cannot be written.
+        """
+        data = self.code.data
+        target = Path(path)
+        if target.suffix != ".ssk":
+            raise complain("EllipsoidField: the field cannot be saved", f"{target.name}", "a name that ends with .ssk")
+        try:
+            target.write_bytes(data)
+        except OSError as error:
+            raise complain(f"{target} cannot be written", str(error), "a place to write to", kind=Error) from error
 
     keeps_mass = Forwarded[bool](
         "_keeps_mass", "Whether kernels' integrals are volumes of particles and nobody chose how sums are divided."
@@ -417,12 +487,12 @@ class EllipsoidField(Field):
 
     def without_end(self) -> EllipsoidField:
         """Return the kernels without a periodic box, in which images of them would count."""
-        made = self._with(_periodic=None)
-        return self if self._periodic is None else made.with_rows(*(getattr(self.native, name) for name in _ARRAYS))
+        made = self._with(_periodic=None, _ends=None)
+        return self if self.domain is None else made.with_rows(*(getattr(self.native, name) for name in _ARRAYS))
 
     def with_images(self) -> EllipsoidField:
         """Return the kernels and their images in a periodic box, all as kernels of a field that does not end."""
-        return self._with(_periodic=None, native=self.native.with_images())
+        return self._with(_periodic=None, _ends=None, native=self.native.with_images())
 
     def weight_at(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the sum W of weights at points (M, 3) in the world, shape (M,): it is small where the data are sparse.

@@ -10,10 +10,13 @@ Each function returns :class:`Kernels`, of which :meth:`Kernels.field` makes a :
 :func:`delaunay` shapes ellipsoids by the neighbours of a point, in a mesh or in the Delaunay tetrahedra, so that they
 cover without gaps; :func:`nearest` makes spheres by distances alone; :func:`sph` takes the smoothing lengths of
 particles; :func:`solid` fills a closed triangle mesh (:func:`read_mesh` reads one), and
-:func:`free_form_deformation` bends what any of them returned.
+`encode` makes few kernels
+of a volume, with a bound of the error, and :func:`free_form_deformation` bends what any of them returned.
 """
 
 from __future__ import annotations
+
+from sheetsplat.encode.encoding import encode
 
 from ._deform import control_lattice, free_form_deformation
 from ._delaunay import delaunay
@@ -29,6 +32,7 @@ __all__ = [
     "SphKernel",
     "control_lattice",
     "delaunay",
+    "encode",
     "free_form_deformation",
     "nearest",
     "read_mesh",

@@ -267,6 +267,7 @@ def _volume(
 _scattered = functools.partial(_volume, scattered=True)
 # The first format that recognizes a file is used.
 FORMATS: tuple[Format, ...] = (
+    _scattered("ssk", "encoded:read", ".ssk of encoded fields", _begins(b"SSK\x01"), beats_raw=True),
     _volume("npy", "numpy_files:read_npy", ".npy", _begins(b"\x93NUMPY"), "name", beats_raw=True),
     _volume("npz", "numpy_files:read_npz", ".npz", _begins(*_ZIP), "name", beats_raw=True, names="header"),
     _volume("nrrd", "nrrd_files:read", "NRRD", _begins(b"NRRD"), "name", beats_raw=True),

@@ -314,6 +314,8 @@ def rows_of(path: str | os.PathLike[str], options: Mapping[str, Any]) -> NDArray
 def _of_scattered(data: Scattered, options: Mapping[str, Any]) -> EllipsoidField:
     chosen = {name: options[name] for name in _ELLIPSOIDS if name in options}
     log = options.get("log", False)
+    if data.made is not None and not chosen and log is False:
+        return data.made
     floor = log_base(data.values, data.scalar, log) if log is not False and data.values.size else None
     field = field_of(data, logarithmic=log, **chosen)
     name = printable(data.scalar)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from sheetsplat import _memory
 from sheetsplat._checks import Bounds, Triple
 from sheetsplat._rows import usable_rows
+from sheetsplat.fields.ellipsoid import EllipsoidField
 from sheetsplat.labels import LabelColors
 from sheetsplat.orientation import Orientation
 from sheetsplat.quantity import Quantity
@@ -221,6 +222,8 @@ class Scattered:
         The box in which they wrap, as for `EllipsoidField`; None: they do not.
     rows
         Which rows of the data these are, (N,); None: all.
+    made
+        The field, where the file holds one.
     """
 
     points: Floats
@@ -249,6 +252,7 @@ class Scattered:
     why: str = ""
     periodic: Bounds | None = None
     rows: NDArray[np.int64] | None = None
+    made: EllipsoidField | None = None
 
     def usable(self, where: object, nan: str = "error") -> Scattered:
         """Return the rows whose numbers are finite, and the cells of them; see `usable_rows`, which raises."""

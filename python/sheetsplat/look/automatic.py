@@ -38,6 +38,8 @@ _EXTREMES = 256
 _DENSE_SPACING = 0.4
 # Least distance of slices in default ones where borders would show steps, hatching of lit layers.
 _BORDER_SPACING = 0.25
+# Samples across a field that was encoded from a volume.
+_SAMPLES_ACROSS = 48
 
 
 def choose(fields: Sequence[Field]) -> Look:
@@ -47,6 +49,8 @@ def choose(fields: Sequence[Field]) -> Look:
     as its share of the volume (`places_in`).
     """
     field = max(fields, key=lambda one: one.size)
+    if isinstance(field, EllipsoidField) and field.bound is not None and field.domain is not None:
+        field = _as_volume(field)
     if isinstance(field, RegularField):
         _warn_of_extremes(field.samples)
         return choose_for(field.samples, decades=field.quantity.floor is not None, spacing=field.spacing)
@@ -77,6 +81,17 @@ def choose(fields: Sequence[Field]) -> Look:
     # A weighted mean ends abruptly at the border of the weights; too few slices leave visible steps there.
     finer = max(_BORDER_SPACING * spacing, usual) if usual < spacing else None
     return see_through(replace(scaled_opacity(look, share), slice_spacing=finer), field, spacing, affordable)
+
+
+def _as_volume(field: EllipsoidField) -> RegularField:
+    """Return a volume of few samples of a field that was encoded from one: its look is that of a volume."""
+    low, high = (np.asarray(corner) for corner in field.bounds)
+    counts = np.maximum(2, np.rint((high - low) / (high - low).max() * _SAMPLES_ACROSS)).astype(int)
+    spacing = (high - low) / counts
+    grid = np.stack(np.meshgrid(*(np.arange(count) + 0.5 for count in counts), indexing="ij"), axis=-1)
+    values = field.at(low + grid.reshape(-1, 3) * spacing).reshape(counts).transpose(2, 1, 0)
+    x, y, z = spacing.tolist()
+    return RegularField(np.ascontiguousarray(values), spacing=(x, y, z)).of_quantity(field.quantity)
 
 
 def _of_solid(field: EllipsoidField) -> Look | None:

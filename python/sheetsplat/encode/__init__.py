@@ -1,0 +1,1 @@
+"""Fields in few bytes: files of encoded fields, .ssk."""

@@ -16,8 +16,8 @@ from sheetsplat._checks import number
 from sheetsplat._waiting import ask, asking, note
 from sheetsplat.encode.coder import Nodes, Whole
 from sheetsplat.encode.container import Chunk, chunks_in, damaged, written
-from sheetsplat.encode.lattice_chunks import LatticeCode, Placement, layers_of, read_header, read_layers
-from sheetsplat.encode.lattices import Fitted, Fitting, Geometry
+from sheetsplat.encode.lattice_chunks import LatticeCode, Placement, layers_of, read_header, read_layers, size_of_header
+from sheetsplat.encode.lattices import THRESHOLD, Fitted, Fitting, Geometry
 from sheetsplat.errors import complain, option_refs, unusable
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.fields.code import Bound, Code
@@ -31,10 +31,8 @@ Floats = NDArray[np.float64]
 
 _WHAT = "fit.encode"
 _PERCENTS = (50.0, 90.0, 99.0, 99.9)
-# Bytes of a file beside the coefficients.
-_BESIDE = 110
 # Of a bound: what the root mean square of the first trial is, and how the step changes from trial to trial.
-_RMS_OF_BOUND, _FINER, _MOST_TRIALS = 0.28, 0.75, 10
+_RMS_OF_BOUND, _FINER, _FINEST_STEP, _MOST_TRIALS = 0.28, 0.7, 0.7, 10
 # Digits of float64 that sums of kernels lose.
 _ROUNDING = 1e-13
 # The least bound that is tried for, of the range of values.
@@ -183,7 +181,7 @@ def _encoded_volume(field: RegularField, name: str, asked: float) -> EllipsoidFi
     geometry = Geometry.of(volume.placement.extent, 0.5 if volume.placement.bcc else 1.0)
     fitting = Fitting(volume.descent(geometry), geometry, _told)
     names = _names(field.quantity)
-    beside = _BESIDE + len(names)
+    beside = size_of_header(volume.placement) + len(names)
     if volume.range == 0.0:
         fitted = Fitted([np.zeros(one.shape, np.int32) for one in fitting.nodes], 1.0)
     elif name == "max_error":
@@ -244,9 +242,10 @@ def _for_bound(fitting: Fitting, volume: _Volume, asked: float) -> Fitted:
     step = bound
     for threshold in fitting.soften():
         squares, _ = fitting.descent.misfit()
-        if math.sqrt(squares / count) <= _RMS_OF_BOUND * bound:
+        step = threshold / THRESHOLD
+        # Rounding to finer steps than these does not bring samples nearer; noise is left to corrections.
+        if math.sqrt(squares / count) <= _RMS_OF_BOUND * bound or step <= _FINEST_STEP * bound:
             break
-        step = threshold / 0.6
     step = min(step, 1.5 * bound)
     fitting.settle(step)
     for _ in range(_MOST_TRIALS):

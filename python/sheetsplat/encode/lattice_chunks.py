@@ -43,6 +43,8 @@ _LEAST_BYTES, _LEAST_SHARE = 320, 0.02
 # Zeros take at least so many bits: a table keeps a count of each magnitude.
 _NODES_OF_A_BYTE = 1 << 14
 _ENOUGH = 1 << 20
+# Of the file's first bytes, and of the heads of a few chunks.
+_OF_CHUNKS = 45
 
 
 @dataclass(frozen=True)
@@ -170,10 +172,17 @@ def layers_of(code: LatticeCode, bounds: dict[int, Bound]) -> list[Chunk]:
     return [Chunk(b"G", _header(code, full, len(layers))), *layers]
 
 
+def size_of_header(place: Placement) -> int:
+    """Return how many bytes of a file are taken by what is not coefficients, names aside."""
+    more = 3 * bool(place.origin.any()) + 9 * (not np.array_equal(place.steps, np.eye(3)))
+    more += 3 * (not any(place.shape)) + (place.slice_spacing is not None)
+    return _FIXED.size + 8 * more + _OF_CHUNKS
+
+
 def _upward(value: float) -> float:
     """Return the least float32 that is not below a number."""
     kept = np.float32(value)
-    return float(kept if kept >= value else np.nextafter(kept, np.float32(np.inf)))
+    return float(kept if float(kept) >= value else np.nextafter(kept, np.float32(np.inf)))
 
 
 def _header(code: LatticeCode, full: int, layers: int) -> bytes:

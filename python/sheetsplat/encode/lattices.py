@@ -31,10 +31,10 @@ MOST_LEVELS = 16
 # Rounds with falling thresholds, each with passes over the kernels that are not 0; rounds with the last one.
 _FALL, _ACTIVE_PASSES, _MOST_ROUNDS, _LAST_ROUNDS = 0.5, 2, 40, 3
 # The threshold that fits a step, and the squared error that a bit is worth, in squared steps.
-_THRESHOLD, _BIT = 0.6, 0.1
+THRESHOLD, _BIT = 0.6, 0.1
 _ROUNDING_PASSES, _MOST_TRIALS = 4, 8
 # Corrections of samples beyond a bound: rounds, the part of what they are beyond its inner part that each takes.
-_CORRECTIONS, _DAMPED, _INNER = 40, 0.6, 0.75
+_CORRECTIONS, _DAMPED, _INNER = 150, 0.45, 0.8
 # The size of a code may lie this share below what was asked.
 _NEAR = 0.985
 
@@ -164,7 +164,7 @@ class Fitting:
     def settle(self, step: float) -> None:
         """Make the last rounds before coefficients are rounded to a step."""
         for _ in range(_LAST_ROUNDS):
-            self.round_of(_THRESHOLD * step)
+            self.round_of(THRESHOLD * step)
 
     def round_off(self, step: float, passes: int = _ROUNDING_PASSES) -> None:
         """Round coefficients to multiples of their steps, pass by pass."""
@@ -250,27 +250,33 @@ class Fitting:
         """Return the best coefficients whose measure (bytes, kernels) is at most `most`."""
         step, before = math.inf, 0.0
         for threshold in self.soften():
-            found = measure(self.rounded(threshold / _THRESHOLD))
+            found = measure(self.rounded(threshold / THRESHOLD))
             self._told(min(0.6, 0.6 * math.sqrt(found / most)))
             if found >= most:
                 share = (most - before) / max(found - before, 1e-9)
-                step = threshold / _THRESHOLD * _FALL ** (share - 1.0)
+                step = threshold / THRESHOLD * _FALL ** (share - 1.0)
                 break
-            step, before = threshold / _THRESHOLD, found
+            step, before = threshold / THRESHOLD, found
         if not math.isfinite(step):
             return Fitted([np.zeros(one.shape, np.int32) for one in self.nodes], 1.0)
         self.settle(step)
         best: Fitted | None = None
-        smallest = math.inf
+        # The largest step that was too small, and the smallest that was not, with their measures.
+        small, large = (0.0, math.inf), (math.inf, 0.0)
         for trial in range(_MOST_TRIALS):
             self.round_off(step, _ROUNDING_PASSES if trial == 0 else 2)
             numbers = self.rounded(step)
             found = measure(numbers)
             self._told(0.65 + 0.3 * trial / _MOST_TRIALS)
-            if found <= most and (best is None or step < smallest):
-                best, smallest = Fitted(numbers, step), step
-            if found <= most and (found >= _NEAR * most or trial >= 4):
+            if found > most:
+                small = max(small, (step, found))
+            elif step < large[0]:
+                best, large = Fitted(numbers, step), (step, found)
+            if best is not None and large[1] >= _NEAR * most:
                 break
-            step *= (max(found, 1.0) / (0.995 * most)) ** 0.7
-        assert best is not None or most < math.inf
-        return best or Fitted([np.zeros(one.shape, np.int32) for one in self.nodes], step)
+            if small[0] < large[0] < math.inf and small[0] > 0.0:
+                share = math.log(small[1] / most) / math.log(small[1] / max(large[1], 1e-3 * most))
+                step = small[0] * (large[0] / small[0]) ** min(max(share, 0.1), 0.9)
+            else:
+                step *= (max(found, 0.1 * most) / (0.995 * most)) ** 0.7
+        return best or self.for_less(Fitted(self.rounded(step), step), most, measure)

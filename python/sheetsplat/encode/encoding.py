@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import pkgutil
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -97,9 +98,7 @@ def encode(
     name, asked = next(iter(given.items()))
     if not (math.isfinite(asked) and asked > 0.0):
         raise complain(unusable(f"{_WHAT}: {name}"), f"{asked:g}", "a finite number above 0", option=name)
-    from sheetsplat.api import to_fields
-
-    field = only_field(to_fields(data))
+    field = only_field(pkgutil.resolve_name("sheetsplat.api:to_fields")(data))
     with asking(progress, "the encoding"):
         made = _encoded_volume(field, name, asked)
         _told(1.0)

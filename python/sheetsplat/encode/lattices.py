@@ -216,22 +216,32 @@ class Fitting:
         """
         numbers = self.rounded(step)
         own = step * unit_step(self.geometry, 0)
-        descent = self._make(self.nodes, True)
-        for level in self._from_coarsest():
-            if numbers[level].any():
-                descent.set(level, numbers[level] * (step * unit_step(self.geometry, level)))
+        descent, is_new = self._summed(numbers, step), True
         for _ in range(_CORRECTIONS):
             off = descent.residual()
             beyond = np.flatnonzero(np.abs(off) > bound)
-            if not beyond.size:
+            if not beyond.size and is_new:
                 return Fitted(numbers, step)
+            if not beyond.size:
+                # Changes are rounded, sums that are made anew are not.
+                descent, is_new = self._summed(numbers, step), True
+                continue
             excess = off[beyond] - np.copysign(_INNER * bound, off[beyond])
             change = np.rint(_DAMPED * excess / own)
             still = change == 0.0
             change[still] = np.sign(excess)[still]
             numbers[0].ravel()[samples[beyond]] += change.astype(np.int32)
             descent.set(0, numbers[0] * own)
+            is_new = False
         return None
+
+    def _summed(self, numbers: list[Whole], step: float) -> _sheetsplat.LatticeDescent:
+        """Return the descent of coefficients in float64."""
+        descent: _sheetsplat.LatticeDescent = self._make(self.nodes, True)
+        for level in self._from_coarsest():
+            if numbers[level].any():
+                descent.set(level, numbers[level] * (step * unit_step(self.geometry, level)))
+        return descent
 
     def for_less(self, fitted: Fitted, most: float, measure: Callable[[list[Whole]], float]) -> Fitted:
         """Return coarser coefficients than those that were found, whose measure is at most `most`."""

@@ -147,6 +147,11 @@ class SharedFit {
         const std::vector<EllipsoidChange> given = ellipsoids_of(changes);
         return table_of(work([&](const auto& ask) { return fit_->normal(kernels, given, ask); }));
     }
+    Table overlaps(const Table& table) {
+        const std::vector<FreeEllipsoid> kernels = ellipsoids_of(table);
+        const auto found = work([&](const auto& ask) { return fit_->overlaps(kernels, ask); });
+        return Table(std::vector<py::ssize_t>(2, table.shape(0)), found.data());
+    }
     /// Symmetric matrices, (N, 10, 10).
     Table blocks(const Table& table) {
         const std::vector<FreeEllipsoid> kernels = ellipsoids_of(table);
@@ -181,6 +186,7 @@ void register_ellipsoid_fit(py::module_& module) {
         .def("sums", &SharedFit::sums, py::arg("kernels"))
         .def("project", &SharedFit::project, py::arg("kernels"), py::arg("field"))
         .def("normal", &SharedFit::normal, py::arg("kernels"), py::arg("changes"))
+        .def("overlaps", &SharedFit::overlaps, py::arg("kernels"))
         .def("blocks", &SharedFit::blocks, py::arg("kernels"));
     module.def(
         "changed_ellipsoids",

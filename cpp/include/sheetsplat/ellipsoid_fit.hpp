@@ -70,6 +70,8 @@ class EllipsoidFit {
     /// The block of J^T w J that belongs to each kernel, numbers in the order center, frame, value.
     std::vector<std::array<double, numbers_of_block>> blocks(const std::vector<FreeEllipsoid>& kernels,
                                                              const Progress& progress = {}) const;
+    /// The sums of w g g of each two kernels, row by row: the equations of the values alone.
+    std::vector<double> overlaps(const std::vector<FreeEllipsoid>& kernels, const Progress& progress = {}) const;
 
   private:
     struct State;

@@ -364,6 +364,31 @@ std::vector<std::array<double, numbers_of_block>> EllipsoidFit::blocks(const std
     });
 }
 
+std::vector<double> EllipsoidFit::overlaps(const std::vector<FreeEllipsoid>& kernels, const Progress& progress) const {
+    check(kernels);
+    const std::size_t count = kernels.size();
+    require_memory(checked_product(count, count * sizeof(double), "the overlaps of kernels"), "the overlaps of kernels",
+                   "use fewer kernels");
+    const double* const weights = state_->weights.empty() ? nullptr : state_->weights.data();
+    std::vector<double> sums(count * count, 0.0);
+    std::visit(
+        [&](const auto& all) {
+            const auto& text = fitting::loops<std::decay_t<decltype(all)>>(state_->set);
+            state_->run(count, progress, [&](std::size_t a) {
+                for (std::size_t b = a; b < count; ++b) {
+                    sums[a * count + b] = text.overlap(all, state_->profile, kernels[a], kernels[b], weights);
+                }
+            });
+        },
+        state_->places);
+    for (std::size_t a = 0; a < count; ++a) {
+        for (std::size_t b = 0; b < a; ++b) {
+            sums[a * count + b] = sums[b * count + a];
+        }
+    }
+    return sums;
+}
+
 FreeEllipsoid changed(const FreeEllipsoid& kernel, const EllipsoidChange& change) {
     const auto& [xx, yy, zz, xy, xz, yz] = kernel.frame;
     const auto& [sx, sy, sz, txy, txz, tyz] = change.frame;

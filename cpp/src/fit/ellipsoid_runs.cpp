@@ -37,13 +37,6 @@ HWY_INLINE V power_of_two(D d, V y) {
     return hn::BitCast(d, hn::Add(hn::BitCast(di, factor), hn::ShiftLeft<52>(hn::BitCast(di, moved))));
 }
 
-/// exp(-k r^2) at vectors of places; what is beyond the edge is smaller than there.
-struct Exponential {
-    V rate;
-    Exponential(D d, const Profile& profile) : rate(hn::Set(d, -profile.falloff * 1.4426950408889634)) {}
-    HWY_INLINE V at(D d, V r2) const { return power_of_two(d, hn::Max(hn::Mul(rate, r2), hn::Set(d, -1000.0))); }
-};
-
 /// Samples side by side, and the first one's place in the kernel's space.
 struct Run {
     std::size_t first = 0, count = 0;
@@ -63,26 +56,44 @@ struct Span {
     }
 };
 
-/// act(run) for every row of samples in a tile that the kernel reaches, without those that it does not reach.
+/// The samples from index `first` to `last` - 1 of a row of a lattice that the kernel reaches.
+HWY_INLINE Run run_in_row(const LatticePlaces& places, const FreeEllipsoid& kernel, std::size_t k, std::size_t j,
+                          std::size_t first, std::size_t last) {
+    const auto& [xx, yy, zz, xy, xz, yz] = kernel.frame;
+    const Vec3& c = kernel.center;
+    const double dz = static_cast<double>(k) - c.z, dy = static_cast<double>(j) - c.y;
+    const double q2 = zz * dz, q1 = yy * dy + yz * dz, shift = xy * dy + xz * dz;
+    const double reach = std::sqrt(std::max(0.0, 1.0 - q2 * q2 - q1 * q1));
+    const Span span(c.x + (-reach - shift) / xx, c.x + (reach - shift) / xx, first, last);
+    return {places.begin(k, j) + span.begin, span.begin < span.end ? span.end - span.begin : 0,
+            xx * (static_cast<double>(span.begin) - c.x) + shift, q1, q2};
+}
+
+/// act(k, j) for every row of samples in a tile that the kernel may reach.
 template <class Act>
-HWY_INLINE void each_run(const LatticePlaces& places, const FreeEllipsoid& kernel, const Tile& tile, Act&& act) {
+HWY_INLINE void each_row(const FreeEllipsoid& kernel, const Tile& tile, Act&& act) {
     const auto& [xx, yy, zz, xy, xz, yz] = kernel.frame;
     const Vec3& c = kernel.center;
     const Span layers(c.z - 1.0 / zz, c.z + 1.0 / zz, tile.k0, tile.k1);
     for (std::size_t k = layers.begin; k < layers.end; ++k) {
         const double dz = static_cast<double>(k) - c.z, q2 = zz * dz;
-        const double reach_y = std::sqrt(std::max(0.0, 1.0 - q2 * q2)), shift_y = yz * dz;
-        const Span rows(c.y + (-reach_y - shift_y) / yy, c.y + (reach_y - shift_y) / yy, tile.j0, tile.j1);
+        const double reach = std::sqrt(std::max(0.0, 1.0 - q2 * q2)), shift = yz * dz;
+        const Span rows(c.y + (-reach - shift) / yy, c.y + (reach - shift) / yy, tile.j0, tile.j1);
         for (std::size_t j = rows.begin; j < rows.end; ++j) {
-            const double dy = static_cast<double>(j) - c.y, q1 = yy * dy + shift_y;
-            const double reach_x = std::sqrt(std::max(0.0, 1.0 - q2 * q2 - q1 * q1)), shift_x = xy * dy + xz * dz;
-            const Span row(c.x + (-reach_x - shift_x) / xx, c.x + (reach_x - shift_x) / xx, 0, places.columns);
-            if (row.begin < row.end) {
-                const double dx = static_cast<double>(row.begin) - c.x;
-                act(Run{places.begin(k, j) + row.begin, row.end - row.begin, xx * dx + shift_x, q1, q2});
-            }
+            act(k, j);
         }
     }
+}
+
+/// act(run) for every row of samples in a tile that the kernel reaches, without those that it does not reach.
+template <class Act>
+HWY_INLINE void each_run(const LatticePlaces& places, const FreeEllipsoid& kernel, const Tile& tile, Act&& act) {
+    each_row(kernel, tile, [&](std::size_t k, std::size_t j) {
+        const Run run = run_in_row(places, kernel, k, j, 0, places.columns);
+        if (run.count > 0) {
+            act(run);
+        }
+    });
 }
 
 /// Half the sides of the box around a kernel.
@@ -92,6 +103,25 @@ HWY_INLINE Vec3 half_sides(const FreeEllipsoid& kernel) {
     const double z = 1.0 / zz, y = 1.0 / yy, x = 1.0 / xx;
     const double y_z = -yz * y * z, x_y = -xy * x * y, x_z = (xy * yz * y - xz) * x * z;
     return {std::sqrt(x * x + x_y * x_y + x_z * x_z), std::sqrt(y * y + y_z * y_z), z};
+}
+
+/// act(first, others) for every row that both kernels reach: runs of the samples that both reach.
+template <class Act>
+HWY_INLINE void each_common_run(const LatticePlaces& places, const FreeEllipsoid& first, const FreeEllipsoid& other,
+                                Act&& act) {
+    const Vec3 half = half_sides(other);
+    const Vec3& c = other.center;
+    const Span layers(c.z - half.z, c.z + half.z, 0, places.layers), rows(c.y - half.y, c.y + half.y, 0, places.rows);
+    each_row(first, Tile{layers.begin, layers.end, rows.begin, rows.end}, [&](std::size_t k, std::size_t j) {
+        const std::size_t row = places.begin(k, j);
+        const Run widest = run_in_row(places, first, k, j, 0, places.columns);
+        const std::size_t begin = widest.first - row;
+        const Run of_other = run_in_row(places, other, k, j, begin, begin + widest.count);
+        if (of_other.count > 0) {
+            const std::size_t from = of_other.first - row;
+            act(run_in_row(places, first, k, j, from, from + of_other.count), of_other);
+        }
+    });
 }
 
 /// act(run) for the points of every row of cells in a tile that the box around the kernel reaches.
@@ -115,33 +145,62 @@ HWY_INLINE void each_run(const ScatteredPlaces& places, const FreeEllipsoid& ker
     }
 }
 
-struct Q {
-    V q0, q1, q2, r2;
+template <class Act>
+HWY_INLINE void each_common_run(const ScatteredPlaces& places, const FreeEllipsoid& first,
+                                const FreeEllipsoid& /*other*/, Act&& act) {
+    each_run(places, first, Tile{0, places.layers, 0, places.rows}, [&](const Run& run) { act(run, run); });
+}
+
+/// Places in the kernel's space, exp(-k r^2) there, and which of them are within the support.
+struct Here {
+    V q0, q1, q2, e;
+    hn::Mask<D> inside;
 };
 
-/// Where the samples of a run are in the kernel's space, vector by vector.
+/// Passes the samples of a run, vector by vector.
 class LatticeWalk {
   public:
     static constexpr bool along_row = true;
-    LatticeWalk(D d, const LatticePlaces& /*places*/, const FreeEllipsoid& kernel)
-        : step_(hn::Mul(hn::Iota(d, 0.0), hn::Set(d, kernel.frame[0]))), per_sample_(kernel.frame[0]) {}
-    HWY_INLINE Q at(D d, const Run& run, std::size_t n) const {
-        const V q0 = hn::Add(hn::Set(d, run.q0 + static_cast<double>(n) * per_sample_), step_);
-        const V r2 = hn::MulAdd(q0, q0, hn::Set(d, run.q1 * run.q1 + run.q2 * run.q2));
-        return {q0, hn::Set(d, run.q1), hn::Set(d, run.q2), r2};
+    LatticeWalk(D d, const LatticePlaces& /*places*/, const Profile& profile, const FreeEllipsoid& kernel)
+        : rate_(-profile.falloff * 1.4426950408889634), sample_(kernel.frame[0]),
+          vector_(kernel.frame[0] * static_cast<double>(hn::Lanes(d))),
+          lanes_(hn::Mul(hn::Iota(d, 0.0), hn::Set(d, kernel.frame[0]))),
+          per_lane_(power(d, hn::Mul(lanes_, hn::Set(d, 2.0 * rate_ * vector_)))),
+          per_step_(power(d, hn::Set(d, 2.0 * rate_ * vector_ * vector_))), q0_(lanes_), e_(lanes_), ratio_(lanes_) {}
+
+    HWY_INLINE Here at(D d, const Run& run, std::size_t n) {
+        if (n % (hn::Lanes(d) * steps) == 0) {
+            const double first = run.q0 + static_cast<double>(n) * sample_;
+            q0_ = hn::Add(hn::Set(d, first), lanes_);
+            const V r2 = hn::MulAdd(q0_, q0_, hn::Set(d, run.q1 * run.q1 + run.q2 * run.q2));
+            e_ = power(d, hn::Mul(r2, hn::Set(d, rate_)));
+            if (run.count - n > hn::Lanes(d)) {
+                ratio_ = hn::Mul(per_lane_, power(d, hn::Set(d, rate_ * vector_ * (2.0 * first + vector_))));
+            }
+        } else {
+            // exp(-k (q + h)^2) = exp(-k q^2) exp(-k (2 q h + h^2)), and so on for the second factor.
+            q0_ = hn::Add(q0_, hn::Set(d, vector_));
+            e_ = hn::Mul(e_, ratio_);
+            ratio_ = hn::Mul(ratio_, per_step_);
+        }
+        // (Runs end where the support does.)
+        return {q0_, hn::Set(d, run.q1), hn::Set(d, run.q2), e_, hn::FirstN(d, run.count - n)};
     }
 
   private:
-    V step_;
-    double per_sample_;
+    /// Vectors until the exponential is computed again, so that the error of the products stays below 1e-13.
+    static constexpr std::size_t steps = 16;
+    static HWY_INLINE V power(D d, V y) { return power_of_two(d, hn::Max(y, hn::Set(d, -1000.0))); }
+    double rate_, sample_, vector_;
+    V lanes_, per_lane_, per_step_, q0_, e_, ratio_;
 };
 
 class ScatteredWalk {
   public:
     static constexpr bool along_row = false;
-    ScatteredWalk(D /*d*/, const ScatteredPlaces& places, const FreeEllipsoid& kernel)
-        : places_(places), kernel_(kernel) {}
-    HWY_INLINE Q at(D d, const Run& run, std::size_t n) const {
+    ScatteredWalk(D /*d*/, const ScatteredPlaces& places, const Profile& profile, const FreeEllipsoid& kernel)
+        : rate_(-profile.falloff * 1.4426950408889634), places_(places), kernel_(kernel) {}
+    HWY_INLINE Here at(D d, const Run& run, std::size_t n) {
         const auto& [xx, yy, zz, xy, xz, yz] = kernel_.frame;
         const std::size_t i = run.first + n;
         const V dx = hn::Sub(hn::LoadU(d, places_.at[0].data() + i), hn::Set(d, kernel_.center.x));
@@ -150,22 +209,19 @@ class ScatteredWalk {
         const V q0 = hn::MulAdd(hn::Set(d, xx), dx, hn::MulAdd(hn::Set(d, xy), dy, hn::Mul(hn::Set(d, xz), dz)));
         const V q1 = hn::MulAdd(hn::Set(d, yy), dy, hn::Mul(hn::Set(d, yz), dz));
         const V q2 = hn::Mul(hn::Set(d, zz), dz);
-        return {q0, q1, q2, hn::MulAdd(q0, q0, hn::MulAdd(q1, q1, hn::Mul(q2, q2)))};
+        const V r2 = hn::MulAdd(q0, q0, hn::MulAdd(q1, q1, hn::Mul(q2, q2)));
+        const V e = power_of_two(d, hn::Max(hn::Mul(r2, hn::Set(d, rate_)), hn::Set(d, -1000.0)));
+        return {q0, q1, q2, e, hn::And(hn::Lt(r2, hn::Set(d, 1.0)), hn::FirstN(d, run.count - n))};
     }
 
   private:
+    double rate_;
     const ScatteredPlaces& places_;
     const FreeEllipsoid& kernel_;
 };
 
 template <class Places>
 using Walk = std::conditional_t<std::is_same_v<Places, LatticePlaces>, LatticeWalk, ScatteredWalk>;
-
-/// Places within the support, of the samples from `n` on that the run has.
-HWY_INLINE hn::Mask<D> inside(D d, const Q& q, const Run& run, std::size_t n) {
-    const auto near = hn::Lt(q.r2, hn::Set(d, 1.0));
-    return n + hn::Lanes(d) <= run.count ? near : hn::And(near, hn::FirstN(d, run.count - n));
-}
 
 /// A quadratic polynomial of q with the coefficients of 1, q, q q.
 struct Quadratic {
@@ -176,8 +232,7 @@ template <class Places>
 HWY_NOINLINE void add(const Places& places, const Profile& profile, const FreeEllipsoid& kernel,
                       const EllipsoidChange& change, const Tile& tile, double* out) {
     const D d;
-    const Exponential exponential(d, profile);
-    const Walk<Places> walk(d, places, kernel);
+    Walk<Places> walk(d, places, profile, kernel);
     const double slope = 2.0 * profile.falloff * profile.gain * kernel.value;
     const Vec3& t = change.center;
     const auto& [xx, yy, zz, xy, xz, yz] = change.frame;
@@ -200,7 +255,7 @@ HWY_NOINLINE void add(const Places& places, const Profile& profile, const FreeEl
         const V row_2 = hn::Set(d, p.q00);
         double* const to = out + run.first;
         for (std::size_t n = 0; n < run.count; n += hn::Lanes(d)) {
-            const Q q = walk.at(d, run, n);
+            const Here q = walk.at(d, run, n);
             V factor;
             if constexpr (Walk<Places>::along_row) {
                 factor = hn::MulAdd(hn::MulAdd(row_2, q.q0, row_1), q.q0, row_0);
@@ -213,7 +268,7 @@ HWY_NOINLINE void add(const Places& places, const Profile& profile, const FreeEl
                 const V of_2 = hn::MulAdd(hn::Set(d, p.q22), q.q2, hn::Set(d, p.q2));
                 factor = hn::MulAdd(of_0, q.q0, hn::MulAdd(of_1, q.q1, hn::MulAdd(of_2, q.q2, hn::Set(d, p.one))));
             }
-            const V part = hn::IfThenElseZero(inside(d, q, run, n), hn::MulSub(exponential.at(d, q.r2), factor, edge));
+            const V part = hn::IfThenElseZero(q.inside, hn::MulSub(q.e, factor, edge));
             if (n + hn::Lanes(d) <= run.count) {
                 hn::StoreU(hn::Add(hn::LoadU(d, to + n), part), d, to + n);
             } else {
@@ -233,20 +288,18 @@ template <class Places>
 HWY_NOINLINE EllipsoidChange project(const Places& places, const Profile& profile, const FreeEllipsoid& kernel,
                                      const double* field) {
     const D d;
-    const Exponential exponential(d, profile);
-    const Walk<Places> walk(d, places, kernel);
+    Walk<Places> walk(d, places, profile, kernel);
     const V gain = hn::Set(d, profile.gain), edge = hn::Set(d, profile.edge * profile.gain);
     const V zero = hn::Zero(d);
     // Of field times exp(-k r^2): times q, times q q; of field times g.
     V of_g = zero, of_q[3] = {zero, zero, zero}, of_qq[6] = {zero, zero, zero, zero, zero, zero};
-    double q_sums[3] = {}, qq_sums[6] = {};
     each_run(places, kernel, Tile{0, places.layers, 0, places.rows}, [&](const Run& run) {
         V one = zero, first = zero, second = zero;
         for (std::size_t n = 0; n < run.count; n += hn::Lanes(d)) {
-            const Q q = walk.at(d, run, n);
-            const auto mask = inside(d, q, run, n);
+            const Here q = walk.at(d, run, n);
+            const auto mask = q.inside;
             const V weight = hn::IfThenElseZero(mask, hn::LoadU(d, field + run.first + n));
-            const V e = exponential.at(d, q.r2);
+            const V e = q.e;
             of_g = hn::MulAdd(weight, hn::MulSub(e, gain, edge), of_g);
             const V part = hn::Mul(weight, e);
             const V part_0 = hn::Mul(part, q.q0);
@@ -268,31 +321,24 @@ HWY_NOINLINE EllipsoidChange project(const Places& places, const Profile& profil
             }
         }
         if constexpr (Walk<Places>::along_row) {
-            const double s0 = total(d, one), s1 = total(d, first), s2 = total(d, second);
-            q_sums[0] += s1;
-            q_sums[1] += s0 * run.q1;
-            q_sums[2] += s0 * run.q2;
-            qq_sums[0] += s2;
-            qq_sums[1] += s0 * run.q1 * run.q1;
-            qq_sums[2] += s0 * run.q2 * run.q2;
-            qq_sums[3] += s1 * run.q1;
-            qq_sums[4] += s1 * run.q2;
-            qq_sums[5] += s0 * run.q1 * run.q2;
+            const double q1 = run.q1, q2 = run.q2;
+            const auto add_to = [&](V& sum, V part, double factor) { sum = hn::MulAdd(part, hn::Set(d, factor), sum); };
+            add_to(of_q[0], first, 1.0);
+            add_to(of_q[1], one, q1);
+            add_to(of_q[2], one, q2);
+            add_to(of_qq[0], second, 1.0);
+            add_to(of_qq[1], one, q1 * q1);
+            add_to(of_qq[2], one, q2 * q2);
+            add_to(of_qq[3], first, q1);
+            add_to(of_qq[4], first, q2);
+            add_to(of_qq[5], one, q1 * q2);
         }
     });
-    if constexpr (!Walk<Places>::along_row) {
-        for (int n = 0; n < 3; ++n) {
-            q_sums[n] = total(d, of_q[n]);
-        }
-        for (int n = 0; n < 6; ++n) {
-            qq_sums[n] = total(d, of_qq[n]);
-        }
-    }
     const double slope = 2.0 * profile.falloff * profile.gain * kernel.value;
     EllipsoidChange sums;
-    sums.center = slope * Vec3(q_sums[0], q_sums[1], q_sums[2]);
+    sums.center = slope * Vec3(total(d, of_q[0]), total(d, of_q[1]), total(d, of_q[2]));
     for (std::size_t n = 0; n < 6; ++n) {
-        sums.frame[n] = -slope * qq_sums[n];
+        sums.frame[n] = -slope * total(d, of_qq[n]);
     }
     sums.value = total(d, of_g);
     return sums;
@@ -308,8 +354,7 @@ template <class Places>
 HWY_NOINLINE Block block(const Places& places, const Profile& profile, const FreeEllipsoid& kernel,
                          const double* weights) {
     const D d;
-    const Exponential exponential(d, profile);
-    const Walk<Places> walk(d, places, kernel);
+    Walk<Places> walk(d, places, profile, kernel);
     const double slope = 2.0 * profile.falloff * profile.gain * kernel.value;
     const V gain = hn::Set(d, profile.gain), edge = hn::Set(d, profile.edge * profile.gain);
     const V scale = hn::Set(d, slope), zero = hn::Zero(d), unit = hn::Set(d, 1.0);
@@ -321,10 +366,10 @@ HWY_NOINLINE Block block(const Places& places, const Profile& profile, const Fre
         // Sums of s s q0^n, of s g q0^n and of g g, where s is the common factor of the derivatives.
         V ss[5] = {zero, zero, zero, zero, zero}, sg[3] = {zero, zero, zero}, gg = zero;
         for (std::size_t n = 0; n < run.count; n += hn::Lanes(d)) {
-            const Q q = walk.at(d, run, n);
-            const V weight = hn::IfThenElseZero(inside(d, q, run, n),
-                                                weights != nullptr ? hn::LoadU(d, weights + run.first + n) : unit);
-            const V e = exponential.at(d, q.r2);
+            const Here q = walk.at(d, run, n);
+            const V weight =
+                hn::IfThenElseZero(q.inside, weights != nullptr ? hn::LoadU(d, weights + run.first + n) : unit);
+            const V e = q.e;
             const V g = hn::MulSub(e, gain, edge), s = hn::Mul(e, scale);
             if constexpr (Walk<Places>::along_row) {
                 V power = hn::Mul(weight, hn::Mul(s, g));
@@ -389,8 +434,26 @@ HWY_NOINLINE Block block(const Places& places, const Profile& profile, const Fre
 }
 
 template <class Places>
+HWY_NOINLINE double overlap(const Places& places, const Profile& profile, const FreeEllipsoid& first,
+                            const FreeEllipsoid& other, const double* weights) {
+    const D d;
+    Walk<Places> along_first(d, places, profile, first), along_other(d, places, profile, other);
+    const V gain = hn::Set(d, profile.gain), edge = hn::Set(d, profile.edge * profile.gain), unit = hn::Set(d, 1.0);
+    V sum = hn::Zero(d);
+    each_common_run(places, first, other, [&](const Run& of_first, const Run& of_other) {
+        for (std::size_t n = 0; n < of_first.count; n += hn::Lanes(d)) {
+            const Here a = along_first.at(d, of_first, n), b = along_other.at(d, of_other, n);
+            const V product = hn::Mul(hn::MulSub(a.e, gain, edge), hn::MulSub(b.e, gain, edge));
+            const V weight = weights != nullptr ? hn::LoadU(d, weights + of_first.first + n) : unit;
+            sum = hn::Add(sum, hn::IfThenElseZero(hn::And(a.inside, b.inside), hn::Mul(weight, product)));
+        }
+    });
+    return total(d, sum);
+}
+
+template <class Places>
 const Loops<Places>& of_this_set() {
-    static constexpr Loops<Places> all{&add<Places>, &project<Places>, &block<Places>};
+    static constexpr Loops<Places> all{&add<Places>, &project<Places>, &block<Places>, &overlap<Places>};
     return all;
 }
 

@@ -54,6 +54,9 @@ struct Loops {
                                const double* field);
     /// The sums over all samples of weight times products of two derivatives.
     Block (*block)(const Places& places, const Profile& profile, const FreeEllipsoid& kernel, const double* weights);
+    /// The sum over all samples of weight times the product of two kernels' g.
+    double (*overlap)(const Places& places, const Profile& profile, const FreeEllipsoid& first,
+                      const FreeEllipsoid& other, const double* weights);
 };
 
 /// `set`: one of usable_instruction_sets().

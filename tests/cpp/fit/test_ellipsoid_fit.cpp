@@ -176,6 +176,36 @@ TEST_P(EllipsoidFits, NormalEquationsAreThoseOfDifferencesAndOfBlocks) {
     }
 }
 
+TEST_P(EllipsoidFits, OverlapsAreSumsOfProducts) {
+    std::vector<FreeEllipsoid> kernels = random_kernels(9, 8);
+    const Samples samples;
+    const std::vector<double> overlaps = make(GetParam(), 2, samples.data, samples.weights)->overlaps(kernels);
+    const std::vector<Vec3> points = lattice_points();
+    for (FreeEllipsoid& one : kernels) {
+        one.value = 1.0;
+    }
+    for (std::size_t a = 0; a < kernels.size(); ++a) {
+        for (std::size_t b = 0; b < kernels.size(); ++b) {
+            double sum = 0.0;
+            for (std::size_t n = 0; n < points.size(); ++n) {
+                sum += samples.weights[n] * sum_at({kernels[a]}, points[n]) * sum_at({kernels[b]}, points[n]);
+            }
+            EXPECT_NEAR(overlaps[a * kernels.size() + b], sum, 1e-13 * (1.0 + sum)) << a << " " << b;
+        }
+    }
+}
+
+TEST(EllipsoidFit, LongRowsKeepTheirDigits) {
+    // Rows of 2,000 samples within one kernel.
+    const std::array<std::size_t, 3> long_shape{1, 2, 2000};
+    const std::vector<FreeEllipsoid> kernels{{{900.3, 0.4, 0.0}, {1e-3, 0.3, 0.3, 1e-4, 0.0, 0.0}, 1.0}};
+    const EllipsoidFit fit(long_shape, std::vector<double>(4000, 0.0), {});
+    const std::vector<double> sums = fit.sums(kernels);
+    for (std::size_t n = 0; n < sums.size(); ++n) {
+        EXPECT_NEAR(sums[n], sum_at(kernels, Vec3(n % 2000, n / 2000, 0.0)), 1e-13);
+    }
+}
+
 TEST_P(EllipsoidFits, BitsAreTheSameOnAnyNumberOfThreads) {
     const std::vector<FreeEllipsoid> kernels = random_kernels(40, 4);
     const Samples samples;

@@ -1,0 +1,1 @@
+"""Fields of few kernels that stand for many samples."""

@@ -162,9 +162,12 @@ class Samples:
         seen = kept[known]
         if base is None:
             base = _base(seen)
-        scale = float(np.ptp(seen)) if seen.size else 0.0
+        with np.errstate(over="ignore"):
+            scale = float(np.ptp(seen)) if seen.size else 0.0
         if not scale and seen.size:
             scale = abs(float(seen[0]) - base)
+        if not np.isfinite(scale):
+            raise complain("samples cannot be used", "a range beyond float64", "numbers below 1e300")
         return Samples(kept, counts, at, float(base), scale or 1.0)
 
     @property

@@ -2,11 +2,14 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <random>
+#include <string>
 #include <vector>
 
 #include <gtest/gtest.h>
 
+#include "base/instruction_set.hpp"
 #include "sheetsplat/ellipsoid_fit.hpp"
 #include "sheetsplat/error.hpp"
 
@@ -219,6 +222,24 @@ TEST_P(EllipsoidFits, BitsAreTheSameOnAnyNumberOfThreads) {
             EXPECT_EQ(first[i].value, other[i].value);
         }
     }
+}
+
+TEST_P(EllipsoidFits, InstructionSetsDifferInTheLastDigits) {
+    const std::vector<FreeEllipsoid> kernels = random_kernels(20, 9);
+    const Samples samples;
+    std::vector<EllipsoidChange> first, other;
+    const double found = make(GetParam(), 1, samples.data, samples.weights)->objective(kernels, first);
+    for (const std::string& name : instruction_sets()) {
+        choose_instruction_set(name);
+        const auto fit = make(GetParam(), 1, samples.data, samples.weights);
+        EXPECT_NEAR(fit->objective(kernels, other), found, 1e-12 * found) << name;
+        for (std::size_t i = 0; i < kernels.size(); ++i) {
+            for (std::size_t n = 0; n < numbers_of_ellipsoid; ++n) {
+                EXPECT_NEAR(*number(other[i], n), *number(first[i], n), 1e-11 * found) << name;
+            }
+        }
+    }
+    choose_instruction_set("");
 }
 
 TEST_P(EllipsoidFits, MissingSamplesCountForNothing) {

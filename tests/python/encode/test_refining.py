@@ -254,6 +254,7 @@ def test_a_fit_can_be_given_up():
     [
         (np.zeros((3, 3)), {"count": 1}),
         (np.full((3, 3, 3), np.inf), {"count": 1}),
+        (np.array([-1.7e308, 0.0, 1.7e308]).reshape(1, 1, 3), {"count": 1}),
         (np.zeros((3, 3, 3)), {}),
     ],
 )

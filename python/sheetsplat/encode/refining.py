@@ -42,6 +42,9 @@ _LARGEST_CHANGE = 0.7
 _DAMPING = (1e-2, 1e-12, 1e8)
 # A part of the largest block that is added to all, so that numbers that nothing depends on stay as they are.
 _FLOOR = 1e-12
+# What values as large as the samples' range add to the objective, as a share of it: so kernels do not grow against each
+# other, and what is met exactly still is.
+_RIDGE = 0.01
 # The objective in units of all weights that rounding leaves.
 _NOTHING = 1e-30
 # An iteration that gains a smaller share of the objective ends a refinement between additions, or the last one.
@@ -62,6 +65,8 @@ _APART = (0.4, 1.0)
 _DENSE = 2048
 # Samples that a search for kernels needs, for each of their numbers and at least: larger lattices are thinned for it.
 _NEEDED, _FEW = 32, 1 << 15
+# Of larger ones a part is enough to the end.
+_MOST = 1 << 18
 
 
 @dataclass(frozen=True)
@@ -96,30 +101,37 @@ class _Descent:
         self._damping, self._raise = _DAMPING[0], 2.0
         self._blocks: Floats | None = None
 
+    def _ridge(self) -> float:
+        """Return the factor of f^2 / 2 in what a step is to make small."""
+        return 2.0 * _RIDGE * self.objective / max(1, len(self.rows))
+
     def _step(self) -> tuple[Floats, float]:
         """Return changes of all kernels, and by how much the model says that the objective falls."""
         if self._blocks is None:
             self._blocks = self.fit.blocks(self.rows)
         own = np.diagonal(self._blocks, axis1=1, axis2=2)
         damping = self._damping * own + _FLOOR * (own.max(axis=0) + np.finfo(np.float64).tiny * 1e20)
+        ridge = np.zeros(COLUMNS)
+        ridge[VALUE] = self._ridge()
+        slope = self._slope + ridge * self.rows
         damped = self._blocks.copy()
-        damped[:, np.arange(COLUMNS), np.arange(COLUMNS)] += damping
+        damped[:, np.arange(COLUMNS), np.arange(COLUMNS)] += damping + ridge
         inverse = np.linalg.inv(damped)
-        step, left = np.zeros_like(self.rows), -self._slope
+        step, left = np.zeros_like(self.rows), -slope
         ahead = np.einsum("nab,nb->na", inverse, left)
         found = wanted = float((left * ahead).sum())
         for _ in range(_INNER):
             if not found > wanted * _LEFT**2:
                 break
-            product = self.fit.normal(self.rows, ahead) + damping * ahead
+            product = self.fit.normal(self.rows, ahead) + (damping + ridge) * ahead
             share = found / float((ahead * product).sum())
             step += share * ahead
             left -= share * product
             solved = np.einsum("nab,nb->na", inverse, left)
             last, found = found, float((left * solved).sum())
             ahead = solved + (found / last) * ahead
-        model = -self._slope - left - damping * step
-        return step, float(-(self._slope * step).sum() - 0.5 * (step * model).sum())
+        model = -slope - left - damping * step
+        return step, float(-(slope * step).sum() - 0.5 * (step * model).sum())
 
     def advance(self) -> float:
         """Try a step, and return the share that the objective fell by."""
@@ -129,11 +141,12 @@ class _Descent:
         step[:, :VALUE] /= np.maximum(1.0, np.maximum(moved, turned))[:, None]
         rows = self.limits.kept(_sheetsplat.changed_ellipsoids(self.rows, step))
         objective, slope = self.fit.objective(rows)
-        if not objective < self.objective:
+        grown = (rows[:, VALUE] ** 2 - self.rows[:, VALUE] ** 2).sum()
+        fell = self.objective - objective - 0.5 * self._ridge() * float(grown)
+        if not fell > 0.0:
             self._damping *= self._raise
             self._raise *= 2.0
             return 0.0
-        fell = self.objective - objective
         quality = fell / max(foretold, np.finfo(np.float64).tiny)
         factor = 1.0 - (2.0 * min(quality, 2.0) - 1.0) ** 3
         self._damping = max(_DAMPING[1], self._damping * max(0.2, factor))
@@ -176,7 +189,7 @@ def refine(
         for n in range(iterations):
             note(n / iterations)
             descent.run(1, _ENOUGH[1], _NOTHING * given.weight)
-        return _finished(descent, given, kernels.falloff)
+        return _finished(descent.rows, descent.objective, given, kernels.falloff)
 
 
 def _unit(kernels: Ellipsoids, samples: Samples) -> Floats:
@@ -186,10 +199,10 @@ def _unit(kernels: Ellipsoids, samples: Samples) -> Floats:
     return rows
 
 
-def _finished(descent: _Descent, samples: Samples, falloff: float) -> Ellipsoids:
-    rows = descent.rows.copy()
+def _finished(rows: Floats, objective: float, samples: Samples, falloff: float) -> Ellipsoids:
+    rows = rows.copy()
     rows[:, VALUE] *= samples.scale
-    error = math.sqrt(2.0 * descent.objective / max(samples.weight, np.finfo(np.float64).tiny)) * samples.scale
+    error = math.sqrt(2.0 * objective / max(samples.weight, np.finfo(np.float64).tiny)) * samples.scale
     return Ellipsoids(rows, samples.base, falloff, error)
 
 
@@ -228,7 +241,7 @@ def prune(samples: object, kernels: Ellipsoids, bound: float) -> Ellipsoids:
         if math.sqrt(2.0 * tried.objective / max(given.weight, 1.0)) > most:
             break
         descent = tried
-    return _finished(descent, given, kernels.falloff)
+    return _finished(descent.rows, descent.objective, given, kernels.falloff)
 
 
 class _Growth:
@@ -318,6 +331,8 @@ def greedy(
 ) -> Ellipsoids:
     """Return few kernels whose sum is near samples; fewer than asked for where these already meet them.
 
+    Of a lattice of more than 2 million samples those of a part of its layers, rows and columns are fitted.
+
     Parameters
     ----------
     samples
@@ -344,19 +359,28 @@ def greedy(
     most = given.values.size if count is None else min(count, given.values.size)
     bound = 0.0 if max_error is None else max_error / given.scale
     with asking(progress, "the fit"):
-        step, needed = 1, max(_FEW, _NEEDED * COLUMNS * most)
-        while given.points is None and given.values.size >= needed * (step + 1) ** 3:
-            step += 1
+        first, last = _thinning(given, max(_FEW, _NEEDED * COLUMNS * (count or 0))), _thinning(given, _MOST)
         rows = np.empty((0, COLUMNS))
-        # (Thinned lattices first, on which a step takes a fraction of the time.)
-        for every, tries, share in ((step, _TRIES[0], 0.5), (1, _TRIES[step > 1], 0.9))[int(step == 1) :]:
-            with part(0.0 if every > 1 else 0.5, share):
+        # (On the thinner lattice a step takes a fraction of the time.)
+        for every in sorted({max(first, last), last}, reverse=True):
+            with part(0.5 if every < first else 0.0, 0.9 if every == last else 0.5):
                 growth = _Growth(given.every(every), falloff, seed)
+                held = max(1, growth.samples.values.size // (_NEEDED * COLUMNS)) if every > last else most
                 wanted = 0.5 * bound**2 * growth.samples.weight
-                descent = growth.grown(_spread(rows, 1.0 / every), most, wanted)
-                descent = growth.moved(descent, tries)
+                descent = growth.grown(_spread(rows, 1.0 / every), min(most, held), wanted)
+                descent = growth.moved(descent, _TRIES[every < first])
                 rows = _spread(descent.rows, float(every))
-        return _finished(descent.run(_FINAL, _ENOUGH[1], growth.nothing), given, falloff)
+        rows = _spread(descent.run(_FINAL, _ENOUGH[1], growth.nothing).rows, float(last))
+        whole = growth.fit if last == 1 else given.fit(falloff)
+        return _finished(rows, whole.residual(rows)[0], given, falloff)
+
+
+def _thinning(samples: Samples, needed: int) -> int:
+    """Return how many samples along each axis of a lattice one may stand for, so that at least `needed` are left."""
+    step = 1
+    while samples.points is None and samples.values.size >= needed * (step + 1) ** 3:
+        step += 1
+    return step
 
 
 def _spread(rows: Floats, factor: float) -> Floats:

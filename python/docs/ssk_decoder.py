@@ -17,6 +17,7 @@ CLASSES = np.array([0, 1, 2, 3, 3, 4, 4, 4, 4] + [5] * 8 + [6] * 64)
 
 
 def chunks_of(data):
+    """Return the kinds and contents of the chunks that are whole."""
     assert data[:4] == b"SSK\x01"
     at, found = 4, []
     while at + 7 <= len(data):
@@ -31,6 +32,7 @@ def chunks_of(data):
 
 
 def header_of(data):
+    """Return the numbers of a chunk G by their names."""
     names = "version flags levels layers full nx ny nz finest falloff radius base step low high".split()
     head = dict(zip(names, struct.unpack_from("<BBBBH3I3f2d2f", data), strict=True))
     more = list(np.frombuffer(data, "<f8", offset=struct.calcsize("<BBBBH3I3f2d2f")))
@@ -54,6 +56,7 @@ def nodes_of(head, level):
 
 
 def starting_tables():
+    """Return how often each context has met each magnitude before the first one."""
     above, beside = np.divmod(np.arange(CONTEXTS), 8)
     mean = 0.02 * 4.0**above * 2.0 ** np.where(beside == 7, 2, beside)
     ratio = (mean / (1.0 + mean))[:, None]
@@ -61,14 +64,13 @@ def starting_tables():
 
 
 def contexts_of(own, where, phase, first, coarser, of_coarser):
+    """Return the contexts of the nodes of a phase."""
     shape = own[where].shape
     above = np.full(shape, 2)
     if coarser is not None:
         magnitudes = np.pad(np.minimum(np.abs(coarser), 3), 3)
         odd = [phase >> axis & 1 for axis in (2, 1, 0)]
-        begin = [
-            (first[2 - axis] + where[axis].start - odd[axis]) // 2 - of_coarser[2 - axis] + 3 for axis in range(3)
-        ]
+        begin = [(first[2 - axis] + where[axis].start - odd[axis]) // 2 - of_coarser[2 - axis] + 3 for axis in range(3)]
 
         def largest(steps):
             found = np.zeros(shape, int)
@@ -92,6 +94,7 @@ def contexts_of(own, where, phase, first, coarser, of_coarser):
 
 
 def read_level(decoder, tables, own, first, coarser, of_coarser):
+    """Read the numbers of a level into own."""
     model = constriction.stream.model
     for phase in range(8):
         starts = [((phase >> axis & 1) - first[axis]) & 1 for axis in (2, 1, 0)]

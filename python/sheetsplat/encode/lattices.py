@@ -231,7 +231,7 @@ class Fitting:
             still = change == 0.0
             change[still] = np.sign(excess)[still]
             numbers[0].ravel()[samples[beyond]] += change.astype(np.int32)
-            descent.set(0, numbers[0] * own)
+            descent.set(0, np.asarray(numbers[0] * own, np.float64))
             is_new = False
         return None
 
@@ -240,7 +240,8 @@ class Fitting:
         descent: _sheetsplat.LatticeDescent = self._make(self.nodes, True)
         for level in self._from_coarsest():
             if numbers[level].any():
-                descent.set(level, numbers[level] * (step * unit_step(self.geometry, level)))
+                own = step * unit_step(self.geometry, level)
+                descent.set(level, np.asarray(numbers[level] * own, np.float64))
         return descent
 
     def for_less(self, fitted: Fitted, most: float, measure: Callable[[list[Whole]], float]) -> Fitted:

@@ -327,6 +327,7 @@ def greedy(
     max_error: float | None = None,
     seed: int = 0,
     falloff: float = FALLOFF,
+    moves: bool = True,
     progress: Progress | None = None,
 ) -> Ellipsoids:
     """Return few kernels whose sum is near samples; fewer than asked for where these already meet them.
@@ -345,6 +346,8 @@ def greedy(
         Of what chance decides: how far apart new kernels begin.
     falloff
         Of the profile.
+    moves
+        Whether kernels are tried in other places at the end, which takes most of the time.
     progress
         Called with the finished share; Cancelled where it returns False.
 
@@ -368,7 +371,7 @@ def greedy(
                 held = max(1, growth.samples.values.size // (_NEEDED * COLUMNS)) if every > last else most
                 wanted = 0.5 * bound**2 * growth.samples.weight
                 descent = growth.grown(_spread(rows, 1.0 / every), min(most, held), wanted)
-                descent = growth.moved(descent, _TRIES[every < first])
+                descent = growth.moved(descent, _TRIES[every < first] if moves else 0)
                 rows = _spread(descent.rows, float(every))
         rows = _spread(descent.run(_FINAL, _ENOUGH[1], growth.nothing).rows, float(last))
         whole = growth.fit if last == 1 else given.fit(falloff)

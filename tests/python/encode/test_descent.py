@@ -55,7 +55,9 @@ def test_the_residual_is_what_kernels_leave(threads):
 
 def test_threads_change_no_bit():
     found = [
-        _descended(_sheetsplat.LatticeDescent([((0, 0, 0), _samples())], _LEVELS, _FALLOFF, _RADIUS, threads)).residual()
+        _descended(
+            _sheetsplat.LatticeDescent([((0, 0, 0), _samples())], _LEVELS, _FALLOFF, _RADIUS, threads)
+        ).residual()
         for threads in (1, 2, 3)
     ]
     assert np.array_equal(found[0], found[1]) and np.array_equal(found[0], found[2])

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory, _sheetsplat
 from sheetsplat._checks import number
-from sheetsplat._waiting import ask, asking, note
+from sheetsplat._waiting import ask, asking, note, part
 from sheetsplat.encode.coder import Nodes, Whole
 from sheetsplat.encode.container import Chunk, chunks_in, damaged, written
 from sheetsplat.encode.kernel_chunks import field_in
@@ -44,6 +44,8 @@ Floats = NDArray[np.float64]
 _WHAT = "fit.encode"
 # Of a bound: what the root mean square of the first trial is, and how the step changes from trial to trial.
 _RMS_OF_BOUND, _FINER, _FINEST_STEP, _MOST_TRIALS = 0.28, 0.7, 0.7, 10
+# The share that is done before free ellipsoids are tried.
+_MOST_TOLD = 0.95
 # Digits of float64 that sums of kernels lose.
 _ROUNDING = 1e-13
 # The least bound that is tried for, of the range of values.
@@ -237,7 +239,8 @@ def _free(field: RegularField, volume: _Volume, name: str, asked: float, names: 
         return None
     ends = None if box is None else (np.asarray(box[0]), np.asarray(box[1]))
     values = volume.samples.astype(np.float64)
-    free = free_ellipsoids(values, count)
+    with part(_MOST_TOLD, 1.0):
+        free = free_ellipsoids(values, count)
     most = asked if name == "bytes" else math.inf
     return stored_ellipsoids(free, place.origin, place.steps, values, most, names, ends, place.slice_spacing)
 

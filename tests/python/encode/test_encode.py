@@ -1,5 +1,6 @@
 """Volumes as few kernels: the bound is kept, sizes are kept, files are read again, and nothing depends on the world."""
 
+import functools
 import importlib.util
 import struct
 import warnings
@@ -17,7 +18,7 @@ _DECODER = Path(__file__).parents[3] / "python" / "docs" / "ssk_decoder.py"
 pytest.importorskip("constriction")
 
 
-def _smooth(shape=(20, 22, 24), seed=0, width=2.0):
+def _smooth(shape=(20, 22, 24), seed=0, width=1.5):
     values = gaussian_filter(np.random.default_rng(seed).standard_normal(shape), width)
     return values / np.abs(values).max()
 
@@ -83,7 +84,7 @@ def test_a_bound_is_kept_at_every_sample(seed):
     )
 
 
-@pytest.mark.parametrize("most", [400, 1500, 6000])
+@pytest.mark.parametrize("most", [700, 1800, 6000])
 def test_a_size_is_kept_and_used(most, tmp_path):
     values = _smooth((32, 32, 32), 3)
     encoded = ss.fit.encode(values, bytes=most)
@@ -94,11 +95,11 @@ def test_a_size_is_kept_and_used(most, tmp_path):
 
 def test_more_bytes_are_closer():
     values = _smooth((32, 32, 32), 3)
-    errors = [ss.fit.encode(values, bytes=most).bound.rms for most in (400, 1000, 2500, 6000)]
+    errors = [ss.fit.encode(values, bytes=most).bound.rms for most in (1600, 3200, 6400)]
     assert all(later < 0.8 * earlier for earlier, later in zip(errors, errors[1:], strict=False))
 
 
-@pytest.mark.parametrize("most", [200, 1000])
+@pytest.mark.parametrize("most", [250, 1000])
 def test_a_number_of_kernels_is_kept(most):
     encoded = ss.fit.encode(_smooth((32, 32, 32), 4), kernels=most)
     assert 0.8 * most <= encoded.size <= most
@@ -106,7 +107,7 @@ def test_a_number_of_kernels_is_kept(most):
 
 def test_a_file_is_the_same_field(tmp_path):
     field = ss.RegularField(_smooth(), spacing=(1, 2, 0.5), origin=(3, -4, 5)).with_quantity("speed", "m/s", "km")
-    encoded = ss.fit.encode(field, bytes=1500)
+    encoded = ss.fit.encode(field, bytes=1700)
     encoded.save(tmp_path / "x.ssk")
     again = ss.open(tmp_path / "x.ssk")
     assert again == encoded
@@ -117,22 +118,22 @@ def test_a_file_is_the_same_field(tmp_path):
 
 
 def test_the_same_data_give_the_same_bytes():
-    first, second = (ss.fit.encode(_smooth(), bytes=900).code.data for _ in range(2))
+    first, second = (ss.fit.encode(_smooth(), bytes=1700).code.data for _ in range(2))
     assert first == second
 
 
 def test_another_world_and_unit_change_nothing_else():
     values = np.rint(1000 * _smooth())
-    plain = ss.fit.encode(ss.RegularField(values), bytes=1200)
+    plain = ss.fit.encode(ss.RegularField(values), bytes=2600)
     moved = ss.RegularField(8.0 * values + 4096.0, spacing=(2, 2, 2), origin=(16, 32, -8))
-    other = ss.fit.encode(moved, bytes=1200 + 96)
+    other = ss.fit.encode(moved, bytes=2600 + 96)
     assert np.array_equal(other.centers, 2.0 * plain.centers + (16, 32, -8))
     assert np.allclose(other.values - other.base, 8.0 * (plain.values - plain.base), rtol=1e-9)
 
 
 def test_turned_data_are_as_close():
     values = _smooth((24, 24, 24), 7)
-    errors = [ss.fit.encode(np.transpose(values, axes), bytes=900).bound.rms for axes in ((0, 1, 2), (2, 0, 1))]
+    errors = [ss.fit.encode(np.transpose(values, axes), bytes=1700).bound.rms for axes in ((0, 1, 2), (2, 0, 1))]
     assert errors[1] == pytest.approx(errors[0], rel=0.1)
 
 
@@ -184,7 +185,7 @@ def test_the_first_bytes_are_a_coarser_field(tmp_path):
 
 
 def test_flipped_bytes_are_told(tmp_path):
-    data = ss.fit.encode(_smooth(), bytes=900).code.data
+    data = _bytes_of_small()
     rng, path = np.random.default_rng(1), tmp_path / "x.ssk"
     for at in range(len(data)):
         broken = bytearray(data)
@@ -198,6 +199,11 @@ def test_flipped_bytes_are_told(tmp_path):
                 pass
 
 
+@functools.cache
+def _bytes_of_small():
+    return ss.fit.encode(_smooth(), bytes=1700).code.data
+
+
 def _with_header(data, at, kind, number):
     """Return the bytes of a file with another number in its chunk G, whose checksum is right."""
     (header, *rest), _ = chunks_in(data, "x")
@@ -209,9 +215,9 @@ def _with_header(data, at, kind, number):
     return made
 
 
-@pytest.mark.parametrize("at", range(58))
+@pytest.mark.parametrize("at", range(54))
 def test_numbers_that_no_encoder_writes_are_told(at, tmp_path):
-    data, path = ss.fit.encode(_smooth(), bytes=900).code.data, tmp_path / "x.ssk"
+    data, path = _bytes_of_small(), tmp_path / "x.ssk"
     for number in (0, 1, 255, 127):
         path.write_bytes(_with_header(data, at, "<B", number))
         with warnings.catch_warnings():
@@ -224,13 +230,13 @@ def test_numbers_that_no_encoder_writes_are_told(at, tmp_path):
 
 def test_a_header_does_not_take_memory(tmp_path):
     path = tmp_path / "x.ssk"
-    path.write_bytes(_with_header(ss.fit.encode(_smooth(), bytes=900).code.data, 6, "<I", 2**31))
+    path.write_bytes(_with_header(_bytes_of_small(), 6, "<I", 2**31))
     with pytest.raises(ss.InvalidInput, match="lattices"):
         ss.open(path)
 
 
 @pytest.mark.parametrize(
-    "options", [{}, {"bytes": 900, "kernels": 5}, {"bytes": 0}, {"bytes": -1}, {"bytes": 20}, {"max_error": 0},
+    "options", [{}, {"bytes": 1700, "kernels": 5}, {"bytes": 0}, {"bytes": -1}, {"bytes": 20}, {"max_error": 0},
                 {"max_error": float("nan")}, {"max_error": 1e-12}, {"kernels": 0}, {"kernels": 2}]
 )  # fmt: skip
 def test_what_cannot_be_kept_is_told(options):
@@ -250,7 +256,7 @@ def test_what_cannot_be_kept_is_told(options):
 )
 def test_what_is_no_volume_of_values_is_told(data):
     with pytest.raises(ss.Error):
-        ss.fit.encode(data, bytes=900)
+        ss.fit.encode(data, bytes=1700)
 
 
 def test_kernels_that_are_not_encoded_are_not_saved(tmp_path):
@@ -260,12 +266,12 @@ def test_kernels_that_are_not_encoded_are_not_saved(tmp_path):
 
 def test_other_endings_are_told(tmp_path):
     with pytest.raises(ss.InvalidInput, match=".ssk"):
-        ss.fit.encode(_smooth(), bytes=900).save(tmp_path / "x.npz")
+        ss.fit.encode(_smooth(), bytes=1700).save(tmp_path / "x.npz")
 
 
 def test_a_picture_states_the_error_of_the_encoding():
     field = ss.RegularField(_smooth((24, 24, 24), 2))
-    encoded = ss.fit.encode(field, bytes=800)
+    encoded = ss.fit.encode(field, bytes=1700)
     scene = ss.Scene(field, ss.TransferFunction.from_colormap("viridis", clim=(-1, 1)))
     camera, renderer = ss.Camera.fit(field), ss.Renderer("cpu")
     whole = renderer.render(scene, camera, size=(64, 64))
@@ -279,7 +285,7 @@ def test_a_picture_states_the_error_of_the_encoding():
 
 def test_progress_is_told_and_stops():
     shares = []
-    ss.fit.encode(_smooth(), bytes=900, progress=lambda share: shares.append(share) or True)
+    ss.fit.encode(_smooth(), bytes=1700, progress=lambda share: shares.append(share) or True)
     assert shares == sorted(shares) and shares[-1] == 1.0 and len(shares) > 3
     with pytest.raises(ss.Cancelled):
-        ss.fit.encode(_smooth(), bytes=900, progress=lambda share: False)
+        ss.fit.encode(_smooth(), bytes=1700, progress=lambda share: False)

@@ -17,5 +17,6 @@ PYBIND11_MODULE(_sheetsplat, module) {
     register_renderer(module);
     register_descent(module);
     register_device(module);
+    register_ellipsoid_fit(module);
     Released::prepare_for_the_end();
 }

@@ -1,3 +1,4 @@
+// What Python sees of coordinate descent on lattices of kernels.
 #include <algorithm>
 #include <string>
 #include <utility>

@@ -16,5 +16,6 @@ void register_image(pybind11::module_& module);
 void register_renderer(pybind11::module_& module);
 void register_descent(pybind11::module_& module);
 void register_device(pybind11::module_& module);
+void register_ellipsoid_fit(pybind11::module_& module);
 
 } // namespace sheetsplat::bindings

@@ -30,6 +30,7 @@ from sheetsplat.notices import is_muted, muted, warn
 from sheetsplat.options.core import checked, definitions, documented, filled
 from sheetsplat.options.renderer import Output, Progress, RendererClassOptions, RendererKeywords, check_backend
 from sheetsplat.plan import RenderPlan
+from sheetsplat.quality.encoded import moved_scenes, with_encoding
 from sheetsplat.quality.lost import keeping, warn_of_lost, with_lost
 from sheetsplat.quality.thin import LEAST_UNMET, may_be_flat, unmet_kernels
 from sheetsplat.scene import Scene
@@ -430,6 +431,13 @@ class Renderer:
             drawn = self.native.render(**view.native(), progress=progress) if kept is None else kept
             found = self.native.estimate_error(drawn, view.native_scene, camera.native, progress=progress)
             estimated = ErrorEstimate.of_native(found, view.samples)
+            moved = moved_scenes(view.scene)
+            if moved:
+                others = [view._replace(scene=one) for one in moved]
+                with muted():
+                    pictures = [self.native.render(**one.native(), progress=progress) for one in others]
+                pictures = [averaged(one, view.samples) for one in pictures]
+                estimated = with_encoding(estimated, averaged(drawn, view.samples), pictures)
             better = keeping(view.scene, camera, view.size)
             if better is None:
                 return estimated

@@ -55,6 +55,7 @@ BENCHES: dict[str, Bench] = {
         "ellipsoids",
         "cpu",
         "prefilter",
+        "encode",
         "quality",
         "ripple",
         "claims",

@@ -6,6 +6,7 @@ length of what it holds (4 bytes), the lowest 16 bits of the CRC-32 of the lette
 - "G": sparse lattices (`lattice_chunks`), the first chunk.
 - "L": one or several levels of them, from the coarsest on: as many chunks as "G" says. Each is a coarser field together
   with those before it, and states its own bound.
+- "E": scattered kernels (`kernel_chunks`), in place of the two.
 - "N": names and units, JSON.
 
 A file that ends early holds the chunks that are whole: a coarser field.
@@ -21,7 +22,7 @@ from sheetsplat.errors import complain
 
 MAGIC = b"SSK\x01"
 _HEAD = struct.Struct("<cIH")
-_KINDS = (b"G", b"L", b"N")
+_KINDS = (b"G", b"L", b"E", b"N")
 
 
 class Chunk(NamedTuple):
@@ -58,7 +59,7 @@ def chunks_in(data: bytes, what: str) -> tuple[list[Chunk], bool]:
             return found, False
         kind, length, check = _HEAD.unpack_from(data, at)
         if kind not in _KINDS:
-            raise damaged(what, f"a chunk {kind!r} at byte {at}", "G, L or N")
+            raise damaged(what, f"a chunk {kind!r} at byte {at}", "G, L, E or N")
         at += _HEAD.size
         if len(data) - at < length:
             return found, False

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import pkgutil
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +14,22 @@ from numpy.typing import NDArray
 
 from sheetsplat import _memory, _sheetsplat
 from sheetsplat._checks import number
-from sheetsplat._waiting import ask, asking, note
+from sheetsplat._waiting import ask, asking, note, part
 from sheetsplat.encode.coder import Nodes, Whole
 from sheetsplat.encode.container import Chunk, chunks_in, damaged, written
-from sheetsplat.encode.lattice_chunks import LatticeCode, Placement, layers_of, read_header, read_layers
-from sheetsplat.encode.lattices import Fitted, Fitting, Geometry
+from sheetsplat.encode.kernel_chunks import field_in
+from sheetsplat.encode.lattice_chunks import LatticeCode, Placement, layers_of, read_header, read_layers, size_of_header
+from sheetsplat.encode.lattices import THRESHOLD, Fitted, Fitting, Geometry
+from sheetsplat.encode.scattered import (
+    BYTES_OF_FREE,
+    LEAST_FREE,
+    MOST_FREE,
+    MOST_SAMPLES,
+    PERCENTS,
+    encoded_kernels,
+    free_ellipsoids,
+    stored_ellipsoids,
+)
 from sheetsplat.errors import complain, option_refs, unusable
 from sheetsplat.fields import EllipsoidField, Field, RegularField
 from sheetsplat.fields.code import Bound, Code
@@ -30,11 +42,10 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 _WHAT = "fit.encode"
-_PERCENTS = (50.0, 90.0, 99.0, 99.9)
-# Bytes of a file beside the coefficients.
-_BESIDE = 110
 # Of a bound: what the root mean square of the first trial is, and how the step changes from trial to trial.
-_RMS_OF_BOUND, _FINER, _MOST_TRIALS = 0.28, 0.75, 10
+_RMS_OF_BOUND, _FINER, _FINEST_STEP, _MOST_TRIALS = 0.28, 0.7, 0.7, 10
+# The share that is done before free ellipsoids are tried.
+_MOST_TOLD = 0.95
 # Digits of float64 that sums of kernels lose.
 _ROUNDING = 1e-13
 # The least bound that is tried for, of the range of values.
@@ -52,19 +63,20 @@ def encode(
 ) -> EllipsoidField:
     """Return a field of few kernels that is close to data, with a bound of how close.
 
-    Volumes become sparse lattices of kernels of several spacings, whose coefficients are coded in some ten bits each
-    (docs/encoding.md).
+    Volumes become sparse lattices of kernels of several spacings, whose coefficients are coded in some ten bits each,
+    or, of a few hundred bytes, free ellipsoids, if these are closer. Scattered kernels are merged to fewer and rounded;
+    without an option they stay as many, and are rounded to 70 decibels of the range (docs/encoding.md).
 
     Parameters
     ----------
     data
-        What `sheetsplat.open` and `sheetsplat.render` take: an array, a volume, a path.
+        What `sheetsplat.open` and `sheetsplat.render` take: an array, a volume, kernels, a path.
     bytes
         Most bytes of the file.
     kernels
         Most kernels.
     max_error
-        Bound of |scalar - data| at every sample, units of the data.
+        Bound of |scalar - data| at every sample, units of the data; of kernels, at every centre, from the scalar there.
     seed
         Nothing is left to chance; the same data and options give the same bytes.
     progress
@@ -73,7 +85,7 @@ def encode(
     Returns
     -------
     EllipsoidField
-        Of normalisation "none", which ends where the data do; its `bound` says how far it is from them, `save` writes
+        Of a volume: of normalisation "none", ending where the volume ends. Its `bound` says how far it is from them, `save` writes
         it to a .ssk file.
 
     Raises
@@ -93,17 +105,21 @@ def encode(
     """
     options = {"bytes": bytes, "kernels": kernels, "max_error": max_error}
     given = {name: number(f"{_WHAT}: {name}", one) for name, one in options.items() if one is not None}
-    if len(given) != 1:
+    for option, one in given.items():
+        if not (math.isfinite(one) and one > 0.0):
+            raise complain(unusable(f"{_WHAT}: {option}"), f"{one:g}", "a finite number above 0", option=option)
+    field = only_field(pkgutil.resolve_name("sheetsplat.api:to_fields")(data))
+    if len(given) != 1 and (given or isinstance(field, RegularField)):
         found = option_refs(given) if given else "none of them"
         raise complain(f"{_WHAT} cannot be used", found, "one of " + option_refs(options), "give one of them")
-    name, asked = next(iter(given.items()))
-    if not (math.isfinite(asked) and asked > 0.0):
-        raise complain(unusable(f"{_WHAT}: {name}"), f"{asked:g}", "a finite number above 0", option=name)
-    from sheetsplat.api import to_fields
-
-    field = only_field(to_fields(data))
+    chosen: tuple[str | None, float] = next(iter(given.items()), (None, 0.0))
+    name, asked = chosen
     with asking(progress, "the encoding"):
-        made = _encoded_volume(field, name, asked)
+        if isinstance(field, EllipsoidField):
+            made = encoded_kernels(field, name, asked, _names(field.quantity), _told)
+        else:
+            assert name is not None
+            made = _encoded_volume(field, name, asked)
         _told(1.0)
     return made
 
@@ -113,15 +129,15 @@ def _told(share: float) -> None:
     ask()
 
 
-def only_field(fields: Sequence[Field]) -> RegularField:
+def only_field(fields: Sequence[Field]) -> RegularField | EllipsoidField:
     """Return the one field of some that can be encoded; InvalidInput for several, and for others than values."""
     if len(fields) != 1:
         raise complain(f"{_WHAT} cannot be used", f"{len(fields)} fields", "one", "encode them one by one")
     (field,) = fields
-    if isinstance(field, RegularField) and field.has_values:
+    if isinstance(field, EllipsoidField) or (isinstance(field, RegularField) and field.has_values):
         return field
     found = "labels or colours" if isinstance(field, RegularField) else type(field).__name__
-    raise complain(f"{_WHAT} cannot be used", found, "a volume of values", "encode volumes of values")
+    raise complain(f"{_WHAT} cannot be used", found, "values", "encode volumes of values, or kernels")
 
 
 class _Volume:
@@ -183,7 +199,7 @@ def _encoded_volume(field: RegularField, name: str, asked: float) -> EllipsoidFi
     geometry = Geometry.of(volume.placement.extent, 0.5 if volume.placement.bcc else 1.0)
     fitting = Fitting(volume.descent(geometry), geometry, _told)
     names = _names(field.quantity)
-    beside = _BESIDE + len(names)
+    beside = size_of_header(volume.placement) + len(names)
     if volume.range == 0.0:
         fitted = Fitted([np.zeros(one.shape, np.int32) for one in fitting.nodes], 1.0)
     elif name == "max_error":
@@ -194,14 +210,39 @@ def _encoded_volume(field: RegularField, name: str, asked: float) -> EllipsoidFi
         if asked < least:
             raise complain(unusable(f"{_WHAT}: {name}"), f"{asked:g}", f"at least {least}", "ask for more", option=name)
         fitted = fitting.for_size(asked - beside if name == "bytes" else asked, measure)
+    free = _free(field, volume, name, asked, names) if volume.range > 0.0 else None
     while True:
         made = _finished(volume, fitting, fitted, names)
         size = len(made.code.data)
         if name != "bytes" or size <= asked or not any(one.any() for one in fitted.numbers):
+            if free is not None and free.code.bound.rms < made.code.bound.rms:
+                made = free
             return made.of_quantity(field.quantity).with_orientation(field.orientation)
         # The estimate of the size was below it.
         beside += max(8, size - int(asked))
         fitted = fitting.for_less(fitted, asked - beside, fitting.size)
+
+
+def _free(field: RegularField, volume: _Volume, name: str, asked: float, names: bytes) -> EllipsoidField | None:
+    """Return free ellipsoids for a volume of which so few are asked for that they may be closer; None: not so few."""
+    place = volume.placement
+    count = int((asked - size_of_header(place) - len(names)) / BYTES_OF_FREE) if name == "bytes" else int(asked) - 1
+    box = field.domain
+    upright = np.count_nonzero(place.steps - np.diag(np.diag(place.steps))) == 0
+    if (
+        name == "max_error"
+        or not LEAST_FREE <= count <= MOST_FREE
+        or volume.samples.size > MOST_SAMPLES
+        or place.bcc
+        or not upright
+    ):
+        return None
+    ends = None if box is None else (np.asarray(box[0]), np.asarray(box[1]))
+    values = volume.samples.astype(np.float64)
+    with part(_MOST_TOLD, 1.0):
+        free = free_ellipsoids(values, count)
+    most = asked if name == "bytes" else math.inf
+    return stored_ellipsoids(free, place.origin, place.steps, values, most, names, ends, place.slice_spacing)
 
 
 def _kernels_in(numbers: list[Whole]) -> float:
@@ -222,7 +263,7 @@ def _finished(volume: _Volume, fitting: Fitting, fitted: Fitted, names: bytes) -
     reach = max(abs(placement.value_range[0]), abs(placement.value_range[1]), span)
     for level, residual in fitting.exact(fitted.numbers, fitted.step):
         off = np.abs(residual[~np.isnan(residual)])
-        shares = tuple(float(one) * span for one in np.percentile(off, _PERCENTS)) if level == 0 and off.size else ()
+        shares = tuple(float(one) * span for one in np.percentile(off, PERCENTS)) if level == 0 and off.size else ()
         largest = float(off.max(initial=0.0)) * span + _ROUNDING * reach
         rms = math.sqrt(float(off @ off) / max(1, off.size)) * span
         bounds[level] = Bound(largest, rms, shares, placement.value_range)
@@ -244,9 +285,10 @@ def _for_bound(fitting: Fitting, volume: _Volume, asked: float) -> Fitted:
     step = bound
     for threshold in fitting.soften():
         squares, _ = fitting.descent.misfit()
-        if math.sqrt(squares / count) <= _RMS_OF_BOUND * bound:
+        step = threshold / THRESHOLD
+        # Rounding to finer steps than these does not bring samples nearer; noise is left to corrections.
+        if math.sqrt(squares / count) <= _RMS_OF_BOUND * bound or step <= _FINEST_STEP * bound:
             break
-        step = threshold / 0.6
     step = min(step, 1.5 * bound)
     fitting.settle(step)
     for _ in range(_MOST_TRIALS):
@@ -271,8 +313,13 @@ def decoded(data: bytes, what: str) -> EllipsoidField:
     """
     chunks, whole = chunks_in(data, what)
     kinds = b"".join(one.kind for one in chunks)
+    names = next((one.data for one in chunks if one.kind == b"N"), b"")
+    if kinds.startswith(b"E") and kinds.count(b"E") == 1 and b"G" not in kinds:
+        made, bound = field_in(chunks[0].data, what)
+        made = made.encoded_as(Code(data, bound))
+        return made.with_quantity(**_quantity(names, what)) if names else made
     if not kinds.startswith(b"G") or kinds.count(b"G") > 1:
-        raise damaged(what, f"chunks {kinds[:8]!r}", "a chunk G first")
+        raise damaged(what, f"chunks {kinds[:8]!r}", "a chunk G or E first")
     header, full, wanted = read_header(chunks[0].data, what)
     layers = [one.data for one in chunks if one.kind == b"L"]
     if not layers or len(layers) > wanted or (whole and len(layers) < wanted):
@@ -281,7 +328,6 @@ def decoded(data: bytes, what: str) -> EllipsoidField:
     if len(layers) < wanted:
         warn(f"{what} ends early: it shows a coarser field, up to {bound.max:.3g} from the data; copy the whole file")
     field = code.field().encoded_as(Code(data, bound))
-    names = next((one.data for one in chunks if one.kind == b"N"), b"")
     return field.with_quantity(**_quantity(names, what)) if names else field
 
 

@@ -5,7 +5,8 @@ for level l), samples along x, y, z (4 each), spacing of level 0, falloff, radiu
 step (8-byte floats), least and largest value of the data (4-byte floats), then what the flags say, in 8-byte floats: 1 (BCC)
 nothing, 2 (the field ends half a sample distance beyond the samples; BCC: a quarter of the edge) nothing, 4 the origin
 (3), 8 steps of i, j and k in the world (9; else 1 along each axis), 16 the extent of the samples in index coordinates
-(3), which else follows from their numbers, 32 the default distance of slices.
+(3), which else follows from their numbers, 32 the default
+distance of slices, which else is the least length of the steps (BCC: half of it).
 
 Chunk "L": first and last level, counted from the coarsest down (1 byte each), bound and root mean square of the
 distances (4-byte floats), then 4-byte words of the range coder (package constriction, RangeEncoder) with the levels
@@ -38,11 +39,13 @@ _FIXED = struct.Struct("<BBBBH3I3f2d2f")
 _LAYER = struct.Struct("<BB2f")
 _VERSION = 1
 _BCC, _ENDS, _ORIGIN, _STEPS, _EXTENT, _SLICES = (1 << bit for bit in range(6))
-# Bytes of a chunk "L" at least, but for the last: coarser levels share one.
-_LEAST_BYTES, _LEAST_SHARE = 320, 0.02
+# Bytes of coefficients in a chunk "L" at least, but for the last: coarser levels share one.
+_LEAST_BYTES = 1024
 # Zeros take at least so many bits: a table keeps a count of each magnitude.
 _NODES_OF_A_BYTE = 1 << 14
 _ENOUGH = 1 << 20
+# Of the file's first bytes, and of the heads of a few chunks.
+_OF_CHUNKS = 45
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ class Placement:
     base
         What coefficients are counted from.
     slice_spacing
-        The default distance of slices; None: that of the kernels.
+        The default distance of slices.
     value_range
         The least and the largest of the data.
     """
@@ -73,8 +76,14 @@ class Placement:
     steps: Floats
     ends: bool
     base: float
-    slice_spacing: float | None
+    slice_spacing: float
     value_range: tuple[float, float]
+
+    @property
+    def usual_slices(self) -> float:
+        """The distance of slices of a volume whose axes are at right angles (conventions, section 3)."""
+        least = float(np.linalg.norm(self.steps, axis=1).min())
+        return 0.5 * least if self.bcc else least
 
     @property
     def extent(self) -> tuple[float, float, float]:
@@ -170,10 +179,17 @@ def layers_of(code: LatticeCode, bounds: dict[int, Bound]) -> list[Chunk]:
     return [Chunk(b"G", _header(code, full, len(layers))), *layers]
 
 
+def size_of_header(place: Placement) -> int:
+    """Return how many bytes of a file are taken by what is not coefficients, names aside."""
+    more = 3 * bool(place.origin.any()) + 9 * (not np.array_equal(place.steps, np.eye(3)))
+    more += 3 * (not any(place.shape)) + (place.slice_spacing != place.usual_slices)
+    return _FIXED.size + 8 * more + _OF_CHUNKS
+
+
 def _upward(value: float) -> float:
     """Return the least float32 that is not below a number."""
     kept = np.float32(value)
-    return float(kept if kept >= value else np.nextafter(kept, np.float32(np.inf)))
+    return float(kept if float(kept) >= value else np.nextafter(kept, np.float32(np.inf)))
 
 
 def _header(code: LatticeCode, full: int, layers: int) -> bytes:
@@ -188,7 +204,7 @@ def _header(code: LatticeCode, full: int, layers: int) -> bytes:
     if not any(place.shape):
         flags |= _EXTENT
         more += list(geometry.extent)
-    if place.slice_spacing is not None:
+    if place.slice_spacing != place.usual_slices:
         flags |= _SLICES
         more.append(place.slice_spacing)
     low, high = place.value_range
@@ -230,7 +246,8 @@ def read_header(data: bytes, what: str) -> tuple[LatticeCode, int, int]:
     if not 0.0 < volume < math.inf or (slices is not None and not slices > 0.0):
         raise damaged(what, "steps that lie in a plane", "three directions")
     shape = (nx, ny, nz)
-    placement = Placement(shape, bool(flags & _BCC), origin, steps, bool(flags & _ENDS), base, slices, (low, high))
+    placement = Placement(shape, bool(flags & _BCC), origin, steps, bool(flags & _ENDS), base, 0.0, (low, high))
+    placement = replace(placement, slice_spacing=placement.usual_slices if slices is None else slices)
     geometry = Geometry(given or placement.extent, finest, levels, falloff, radius)
     if max(geometry.extent) / finest > 2.0**30 or radius > 16.0 or not 2.0**-6 <= finest <= 2.0**20:
         raise damaged(what, "lattices beyond all sizes", "what memory holds")

@@ -31,10 +31,10 @@ MOST_LEVELS = 16
 # Rounds with falling thresholds, each with passes over the kernels that are not 0; rounds with the last one.
 _FALL, _ACTIVE_PASSES, _MOST_ROUNDS, _LAST_ROUNDS = 0.5, 2, 40, 3
 # The threshold that fits a step, and the squared error that a bit is worth, in squared steps.
-_THRESHOLD, _BIT = 0.6, 0.1
+THRESHOLD, _BIT = 0.6, 0.1
 _ROUNDING_PASSES, _MOST_TRIALS = 4, 8
 # Corrections of samples beyond a bound: rounds, the part of what they are beyond its inner part that each takes.
-_CORRECTIONS, _DAMPED, _INNER = 40, 0.6, 0.75
+_CORRECTIONS, _DAMPED, _INNER = 150, 0.45, 0.8
 # The size of a code may lie this share below what was asked.
 _NEAR = 0.985
 
@@ -164,7 +164,7 @@ class Fitting:
     def settle(self, step: float) -> None:
         """Make the last rounds before coefficients are rounded to a step."""
         for _ in range(_LAST_ROUNDS):
-            self.round_of(_THRESHOLD * step)
+            self.round_of(THRESHOLD * step)
 
     def round_off(self, step: float, passes: int = _ROUNDING_PASSES) -> None:
         """Round coefficients to multiples of their steps, pass by pass."""
@@ -216,22 +216,33 @@ class Fitting:
         """
         numbers = self.rounded(step)
         own = step * unit_step(self.geometry, 0)
-        descent = self._make(self.nodes, True)
-        for level in self._from_coarsest():
-            if numbers[level].any():
-                descent.set(level, numbers[level] * (step * unit_step(self.geometry, level)))
+        descent, is_new = self._summed(numbers, step), True
         for _ in range(_CORRECTIONS):
             off = descent.residual()
             beyond = np.flatnonzero(np.abs(off) > bound)
-            if not beyond.size:
+            if not beyond.size and is_new:
                 return Fitted(numbers, step)
+            if not beyond.size:
+                # Changes are rounded, sums that are made anew are not.
+                descent, is_new = self._summed(numbers, step), True
+                continue
             excess = off[beyond] - np.copysign(_INNER * bound, off[beyond])
             change = np.rint(_DAMPED * excess / own)
             still = change == 0.0
             change[still] = np.sign(excess)[still]
             numbers[0].ravel()[samples[beyond]] += change.astype(np.int32)
-            descent.set(0, numbers[0] * own)
+            descent.set(0, np.asarray(numbers[0] * own, np.float64))
+            is_new = False
         return None
+
+    def _summed(self, numbers: list[Whole], step: float) -> _sheetsplat.LatticeDescent:
+        """Return the descent of coefficients in float64."""
+        descent: _sheetsplat.LatticeDescent = self._make(self.nodes, True)
+        for level in self._from_coarsest():
+            if numbers[level].any():
+                own = step * unit_step(self.geometry, level)
+                descent.set(level, np.asarray(numbers[level] * own, np.float64))
+        return descent
 
     def for_less(self, fitted: Fitted, most: float, measure: Callable[[list[Whole]], float]) -> Fitted:
         """Return coarser coefficients than those that were found, whose measure is at most `most`."""
@@ -250,27 +261,33 @@ class Fitting:
         """Return the best coefficients whose measure (bytes, kernels) is at most `most`."""
         step, before = math.inf, 0.0
         for threshold in self.soften():
-            found = measure(self.rounded(threshold / _THRESHOLD))
+            found = measure(self.rounded(threshold / THRESHOLD))
             self._told(min(0.6, 0.6 * math.sqrt(found / most)))
             if found >= most:
                 share = (most - before) / max(found - before, 1e-9)
-                step = threshold / _THRESHOLD * _FALL ** (share - 1.0)
+                step = threshold / THRESHOLD * _FALL ** (share - 1.0)
                 break
-            step, before = threshold / _THRESHOLD, found
+            step, before = threshold / THRESHOLD, found
         if not math.isfinite(step):
             return Fitted([np.zeros(one.shape, np.int32) for one in self.nodes], 1.0)
         self.settle(step)
         best: Fitted | None = None
-        smallest = math.inf
+        # The largest step that was too small, and the smallest that was not, with their measures.
+        small, large = (0.0, math.inf), (math.inf, 0.0)
         for trial in range(_MOST_TRIALS):
             self.round_off(step, _ROUNDING_PASSES if trial == 0 else 2)
             numbers = self.rounded(step)
             found = measure(numbers)
             self._told(0.65 + 0.3 * trial / _MOST_TRIALS)
-            if found <= most and (best is None or step < smallest):
-                best, smallest = Fitted(numbers, step), step
-            if found <= most and (found >= _NEAR * most or trial >= 4):
+            if found > most:
+                small = max(small, (step, found))
+            elif step < large[0]:
+                best, large = Fitted(numbers, step), (step, found)
+            if best is not None and large[1] >= _NEAR * most:
                 break
-            step *= (max(found, 1.0) / (0.995 * most)) ** 0.7
-        assert best is not None or most < math.inf
-        return best or Fitted([np.zeros(one.shape, np.int32) for one in self.nodes], step)
+            if small[0] < large[0] < math.inf and small[0] > 0.0:
+                share = math.log(small[1] / most) / math.log(small[1] / max(large[1], 1e-3 * most))
+                step = small[0] * (large[0] / small[0]) ** min(max(share, 0.1), 0.9)
+            else:
+                step *= (max(found, 0.1 * most) / (0.995 * most)) ** 0.7
+        return best or self.for_less(Fitted(self.rounded(step), step), most, measure)

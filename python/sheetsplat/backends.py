@@ -25,7 +25,7 @@ class BackendTraits:
     exact
         It draws in float64 what others would lose to rounding, and is there on every machine.
     ways
-        It has several ways of tagging and packing.
+        It has several ways of tagging, packing and drawing tiles.
     precisions
         Those of its sheets.
     pixels, sections, points

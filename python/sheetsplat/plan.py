@@ -9,6 +9,7 @@ from typing import Any
 from sheetsplat import _sheetsplat
 from sheetsplat._json import plain
 from sheetsplat._time_left import about
+from sheetsplat.backends import BACKEND_TRAITS
 
 # Letters in a line of a short plan.
 _COLUMNS = 100
@@ -262,7 +263,7 @@ class RenderPlan:
             ("precision", self.precision),
             ("packing", self.packing),
             ("tagging", self.tagging),
-            ("path", self.path),
+            *([("path", self.path)] if BACKEND_TRAITS[self.backend].ways else []),
             ("size", f"{self.size[0]} x {self.size[1]} pixels{self._samples()}"),
             ("slices", f"{self.slices}, {self.slice_spacing:g} apart, the first is n = {self.first_slice}"),
             ("memory", f"{self.memory / 1e6:.1f} MB beside the fields"),

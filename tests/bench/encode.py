@@ -72,7 +72,8 @@ def _coders(values: NDArray[np.float32], span: float) -> dict[str, tuple[Coder, 
         "sz3": (sz3, 0.0, 6.0),
         # (The filter takes the axes of arrays that are not cubes in the other order.)
         "sperr": (
-            lambda quality: _of_hdf5(values, hdf5plugin.Sperr(peak_signal_to_noise_ratio=quality, swap=True)), 8.0, 130.0,
+            lambda quality: _of_hdf5(values, hdf5plugin.Sperr(peak_signal_to_noise_ratio=quality, swap=True)),
+            8.0, 130.0,
         ),
         "zfp": (lambda digits: _of_hdf5(values, hdf5plugin.Zfp(accuracy=span * 10.0**-digits)), -1.0, 6.0),
     }  # fmt: skip

@@ -12,7 +12,7 @@ enum class Ability : std::uint8_t {
     defines,          ///< it draws the scene itself in the one way that defines pictures: slowly, in float64
     exact,            ///< it draws in float64 what others would lose to rounding; it is there on every machine
     tiles,            ///< it draws chosen tiles of a picture alone
-    ways,             ///< it has several ways of tagging and packing
+    ways,             ///< it has several ways of tagging, packing and drawing tiles
     tells_reach,      ///< it knows from the places of samples which points kernels reach
     filters_lattices, ///< it draws the filtered kernels of lattices as those of lattices, and not one by one
     start_cells,      ///< it walks the cells of grids from start cells on

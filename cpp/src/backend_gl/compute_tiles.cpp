@@ -200,13 +200,14 @@ int ComputeTiles::most_steps_a_call(double turns_a_step) const {
         return std::numeric_limits<int>::max();
     }
     // One step of each call is there for the next; shading takes turns too.
-    const int steps = static_cast<int>(std::min(0.6 * most / std::max(turns_a_step, 1.0), 1e6)) - 1;
+    const int steps = static_cast<int>(std::min(turns_of_kernels(most) / std::max(turns_a_step, 1.0), 1e6)) - 1;
     if (steps < 1) {
         throw Unsupported(
             Complaint{"the scene cannot be drawn by compute programs of " + scope_.capabilities.renderer,
-                      "about " + std::to_string(static_cast<long long>(turns_a_step)) +
-                          " turns of loops for four slices; this driver ends loops after " + std::to_string(most),
-                      "", "use " + option_ref("path", "raster") + " or " + option_ref("backend", "cpu"), "path"});
+                      "about " + std::to_string(std::llround(2.0 * turns_a_step)) + " turns of loops for eight slices",
+                      "at most " + std::to_string(std::llround(turns_of_kernels(most))) +
+                          ": this driver ends loops after " + std::to_string(most),
+                      "use " + option_ref("path", "raster") + ", or leave it out", "path"});
     }
     return steps;
 }

@@ -52,7 +52,7 @@ bool beaten_by_processor(const DeviceRates& rates, bool scattered) {
 /// The reference has one way of drawing: it cannot stand in for others that were asked for.
 bool asks_for_a_way(const RendererOptions& options) {
     return options.tagging != Tagging::automatic || options.packing == Packing::paper ||
-           options.path == Path::compute ||
+           options.path != Path::automatic ||
            std::any_of(options.effects.begin(), options.effects.end(),
                        [](const auto& effect) { return effect.second; });
 }

@@ -1,5 +1,7 @@
 #include "device_rates.hpp"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -31,6 +33,9 @@ constexpr double most_apart = 1e-4;
 /// A new one where what is measured, or the file, changes.
 constexpr const char* version = "1";
 constexpr double never = std::numeric_limits<double>::infinity();
+/// No measurement takes so long, and no file of the cache is so large: others are passed over.
+constexpr double longest_seconds = 1e4;
+constexpr std::uintmax_t largest_bytes = 1 << 20;
 
 /// Two shells around the middle of a cube.
 std::shared_ptr<const Field> lattice() {
@@ -114,8 +119,9 @@ DeviceRates measure(std::optional<int> device) {
 
 /// Empty where there is no such folder.
 fs::path cache_file() {
+    // A relative path is none: XDG Base Directory Specification.
     const char* cache = std::getenv("XDG_CACHE_HOME");
-    if (cache != nullptr && *cache != '\0') {
+    if (cache != nullptr && fs::path(cache).is_absolute()) {
         return fs::path(cache) / "sheetsplat" / "device-rates.txt";
     }
     const char* home = std::getenv("HOME");
@@ -125,6 +131,11 @@ fs::path cache_file() {
 /// A line a device: its name, a tab, the seconds of the ways for a lattice, then those for scattered kernels.
 std::map<std::string, std::string> read_lines(const fs::path& file) {
     std::map<std::string, std::string> lines;
+    // Reading a pipe would wait, and a device may have no end.
+    std::error_code failed;
+    if (!fs::is_regular_file(file, failed) || fs::file_size(file, failed) > largest_bytes) {
+        return lines;
+    }
     std::ifstream stream(file);
     std::string line;
     while (lines.size() < 1000 && std::getline(stream, line)) {
@@ -149,14 +160,16 @@ std::optional<DeviceRates> parsed(const std::string& text) {
             }
             std::istringstream number(word);
             number.imbue(std::locale::classic());
-            if (word == "never") {
+            const bool may_fail = &one != &(*seconds)[DeviceRates::processor];
+            if (word == "never" && may_fail) {
                 one = never;
-            } else if (!(number >> one) || !(one > 0.0)) {
+            } else if (!(number >> one) || !number.eof() || !(one > 0.0 && one < longest_seconds)) {
                 return std::nullopt;
             }
         }
     }
-    return rates;
+    std::string more;
+    return numbers >> more ? std::nullopt : std::optional(rates);
 }
 
 void keep(const fs::path& file, const std::string& name, const DeviceRates& rates) {
@@ -171,18 +184,20 @@ void keep(const fs::path& file, const std::string& name, const DeviceRates& rate
     lines[name] = text.str();
     std::error_code failed;
     fs::create_directories(file.parent_path(), failed);
+    // Each process writes a file of its own; the last one that is renamed stays.
     fs::path part = file;
-    part += ".part";
-    {
-        std::ofstream stream(part);
-        for (const auto& [device, numbers] : lines) {
-            stream << device << '\t' << numbers << '\n';
-        }
-        if (!stream) {
-            return;
-        }
+    part += "." + std::to_string(getpid()) + ".part";
+    std::ofstream stream(part);
+    for (const auto& [device, numbers] : lines) {
+        stream << device << '\t' << numbers << '\n';
     }
-    fs::rename(part, file, failed);
+    stream.close();
+    if (stream) {
+        fs::rename(part, file, failed);
+    }
+    if (!stream || failed) {
+        fs::remove(part, failed);
+    }
 }
 
 } // namespace

@@ -273,6 +273,7 @@ void Renderer::State::draw_doubtful(const Request& asked, const Prepared& prepar
     options.backend = backend_that(Ability::exact);
     options.packing = Packing::automatic;
     options.tagging = Tagging::automatic;
+    options.path = Path::automatic;
     options.precision = Precision::automatic;
     options.effects.clear();
     const Request again{asked.scene, asked.camera, asked.size, asked.outputs, asked.progress, options, &excerpt};

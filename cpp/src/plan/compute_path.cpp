@@ -48,6 +48,20 @@ ComputeShape compute_shape(const DrawPlan& plan, const Scene& scene) {
     return shape;
 }
 
+std::string why_too_many(const Scene& scene, const Capabilities& capabilities) {
+    std::size_t kernels = 0;
+    for (const auto& field : scene.fields) {
+        const EllipsoidField* scattered = as_ellipsoids(field.get());
+        kernels += scattered != nullptr ? scattered->size() : 0;
+    }
+    // A call takes two steps at least; the tree over the kernels adds a little more than a 64th.
+    const double turns = 2.0 * (1.0 + 1.0 / 60.0) * static_cast<double>(kernels);
+    return capabilities.most_turns == 0 || turns <= turns_of_kernels(capabilities.most_turns)
+               ? ""
+               : std::to_string(kernels) + " scattered kernels may take more turns of loops than the " +
+                     std::to_string(capabilities.most_turns) + " after which this driver ends them";
+}
+
 std::string why_not_computed(const Scene& scene, const Capabilities& capabilities, const DrawPlan& plan) {
     if (capabilities.compute_memory == 0) {
         return "OpenGL " + capabilities.version + " has no compute programs";

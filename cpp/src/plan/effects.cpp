@@ -101,6 +101,20 @@ bool Effects::forced_on(EffectId effect) const {
     return found != forced_.end() && found->second;
 }
 
+bool Effects::forced_off(EffectId effect) const {
+    const auto found = forced_.find(effect);
+    return found != forced_.end() && !found->second;
+}
+
+void Effects::restate(EffectId effect, bool on, const std::string& reason) {
+    const auto listed =
+        std::find_if(list_.begin(), list_.end(), [&](const Effect& one) { return one.name == name_of(effect); });
+    if (listed != list_.end()) {
+        listed->on = on;
+        listed->reason = reason;
+    }
+}
+
 void Effects::refuse_dropped() const {
     if (!dropped_.empty()) {
         throw Unsupported(

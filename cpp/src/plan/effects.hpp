@@ -30,7 +30,10 @@ class Effects {
     void state(EffectId effect, bool on, const std::string& why_on, const std::string& why_off) {
         state(effect, on, on ? why_on : why_off);
     }
+    /// Says anew what a decision that came later made of an effect that is listed already.
+    void restate(EffectId effect, bool on, const std::string& reason);
     [[nodiscard]] bool forced_on(EffectId effect) const;
+    [[nodiscard]] bool forced_off(EffectId effect) const;
     /// Throws Unsupported where effects were forced off that the scene needs.
     void refuse_dropped() const;
 

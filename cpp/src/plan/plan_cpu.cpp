@@ -46,6 +46,11 @@ void refuse_ways_of_gl(const RendererOptions& options) {
                                     "auto or wide: slices are not packed into colour channels",
                                     "leave out " + option_ref("packing"), "packing"});
     }
+    if (options.path != Path::automatic) {
+        throw Unsupported(Complaint{"the plan cannot be made",
+                                    std::string("path ") + to_string(options.path) + " with backend cpu",
+                                    "auto: it has one way of drawing", "leave out " + option_ref("path"), "path"});
+    }
     if (options.precision == Precision::float16 || options.precision == Precision::uint8) {
         throw Unsupported(Complaint{"the plan cannot be made",
                                     std::string("precision ") + to_string(options.precision) + " with backend cpu",

@@ -62,7 +62,7 @@ bool prefers_compute(const RendererOptions& options, const Capabilities& capabil
     }
     const Path path = requested_path(options.path);
     const auto& seconds = capabilities.rates.of(view.kernels.ellipsoids);
-    const bool faster = capabilities.rates.known ? seconds[DeviceRates::compute] <= seconds[DeviceRates::raster]
+    const bool faster = capabilities.rates.known ? seconds[DeviceRates::compute] < seconds[DeviceRates::raster]
                                                  : !capabilities.software;
     return path == Path::compute || (path == Path::automatic && faster);
 }
@@ -237,10 +237,45 @@ void plan_precision(const Scene& scene, const ViewFacts& view, const RendererOpt
 
 std::string milliseconds(double seconds) { return std::isfinite(seconds) ? number(1e3 * seconds) + " ms" : "failed"; }
 
+/// What was asked for that raster passes alone have; "" where nothing was.
+std::string why_raster_was_asked_for(const RendererOptions& options, const Effects& effects) {
+    if (options.tagging != Tagging::automatic) {
+        return std::string("tagging ") + to_string(options.tagging) + " belongs to raster passes";
+    }
+    for (const EffectId effect : {EffectId::elimination, EffectId::resident_sections}) {
+        if (effects.forced_off(effect)) {
+            return std::string("effect ") + name_of(effect) + ", forced off, can be left out by raster passes alone";
+        }
+    }
+    return "";
+}
+
+/// What compute programs do in place of the ways of raster passes that were decided before.
+void restate_computed(const ViewFacts& view, const DrawPlan& plan, Effects& effects) {
+    effects.restate(EffectId::tagging, true, "each tile reads only the kernels that reach it");
+    if ((plan.stop || shows_surfaces(plan.mode)) && !plan.coverage) {
+        effects.restate(EffectId::elimination, true, "tiles end when all of their pixels are opaque");
+    }
+    effects.restate(EffectId::points, false, "compute programs draw no primitives");
+    effects.restate(EffectId::precise_sections, plan.precise_sections,
+                    plan.precise_sections      ? "ellipsoids are placed in float64"
+                    : !view.kernels.ellipsoids ? "no field holds ellipsoids"
+                                               : "float32 resolves the sections of all ellipsoids");
+    effects.restate(EffectId::resident_sections, view.kernels.ellipsoids,
+                    !view.kernels.ellipsoids ? "no field holds ellipsoids"
+                    : plan.filter            ? "the processor slices filtered kernels once a view, and uploads them"
+                                             : "one pass on the device slices all kernels");
+}
+
 /// Whether compute programs draw the tiles.
 void plan_path(const Scene& scene, const ViewFacts& view, const RendererOptions& options,
                const Capabilities& capabilities, Effects& effects, DrawPlan& plan) {
-    const std::string why_not = why_not_computed(scene, capabilities, plan);
+    const std::string asked = why_raster_was_asked_for(options, effects);
+    std::string why_not = asked.empty() ? why_not_computed(scene, capabilities, plan) : asked;
+    // Where compute programs were not asked for by the caller, what they may refuse later is drawn by raster passes.
+    if (why_not.empty() && options.path != Path::compute) {
+        why_not = why_too_many(scene, capabilities);
+    }
     if (options.path == Path::compute && !why_not.empty()) {
         throw Unsupported(Complaint{"the plan cannot be made", option_ref("path", "compute") + ": " + why_not,
                                     "a scene that compute programs draw", "use " + option_ref("path", "auto"), "path"});
@@ -259,12 +294,14 @@ void plan_path(const Scene& scene, const ViewFacts& view, const RendererOptions&
                                  : "software draws raster passes faster than compute programs");
     if (plan.compute) {
         plan.precise_sections =
-            (view.kernels.ellipsoids || plan.filter) && (view.shapes.largest_aspect > largest_resident_aspect ||
-                                                         view.screen_px.smallest_ellipsoid < least_plain_px);
+            (view.kernels.ellipsoids || plan.filter) &&
+            (view.shapes.largest_aspect > largest_resident_aspect ||
+             view.screen_px.smallest_ellipsoid < least_plain_px || effects.forced_on(EffectId::precise_sections));
         plan.resident_sections = true;
         plan.elimination = false;
         plan.tagging = Tagging::off;
         plan.points = false;
+        restate_computed(view, plan, effects);
     }
 }
 

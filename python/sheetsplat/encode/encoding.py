@@ -85,8 +85,8 @@ def encode(
     Returns
     -------
     EllipsoidField
-        Of a volume: of normalisation "none", ending where the volume ends. Its `bound` says how far it is from them, `save` writes
-        it to a .ssk file.
+        Of a volume: of normalisation "none", ending where the volume ends. Its `bound` says how far it is from the
+        data, `save` writes it to a .ssk file.
 
     Raises
     ------

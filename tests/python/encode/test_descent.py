@@ -1,4 +1,4 @@
-"""Coordinate descent on lattices of kernels: the residual is the samples less the kernels, for any number of threads."""
+"""Coordinate descent on lattices of kernels: the residual is the samples less the kernels, with any threads."""
 
 import numpy as np
 import pytest

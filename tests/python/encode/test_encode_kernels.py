@@ -24,7 +24,8 @@ def _ellipsoids(count=400, seed=0, **options):
 
 @pytest.mark.parametrize(
     "options",
-    [{}, {"normalization": "none"}, {"weights": None, "base": 101_325.0}, {"periodic": ((-1, -1, -1), (1, 1, 1))}, {"w0": 0.2}],
+    [{}, {"normalization": "none"}, {"weights": None, "base": 101_325.0}, {"periodic": ((-1, -1, -1), (1, 1, 1))},
+     {"w0": 0.2}],
 )  # fmt: skip
 def test_the_same_kernels_in_few_bytes(options, tmp_path):
     field = _ellipsoids(**options)

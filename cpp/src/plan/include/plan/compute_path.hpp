@@ -24,6 +24,13 @@ struct ComputeShape {
 };
 ComputeShape compute_shape(const DrawPlan& plan, const Scene& scene);
 
+/// Turns of loops that the kernels of a call may take where a driver ends loops after `most`: shading takes others.
+constexpr double turns_of_kernels(int most) { return 0.6 * most; }
+
+/// Why the scattered kernels of a scene, if all of them are drawn, are too many for a driver that ends loops; "" where
+/// they are not.
+std::string why_too_many(const Scene& scene, const Capabilities& capabilities);
+
 /// Why a plan cannot be drawn by compute programs; "" where it can.
 std::string why_not_computed(const Scene& scene, const Capabilities& capabilities, const DrawPlan& plan);
 

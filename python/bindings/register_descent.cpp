@@ -34,9 +34,7 @@ std::vector<Nodes> to_nodes(const std::vector<GivenNodes>& given) {
     return made;
 }
 
-std::vector<double> to_vector(const Numbers& array) {
-    return {array.data(), array.data() + array.size()};
-}
+std::vector<double> to_vector(const Numbers& array) { return {array.data(), array.data() + array.size()}; }
 
 std::unique_ptr<LatticeDescent> of_grids(const std::vector<std::pair<std::array<double, 3>, Numbers>>& grids,
                                          const std::vector<GivenNodes>& levels, double falloff, double radius,
@@ -55,9 +53,9 @@ std::unique_ptr<LatticeDescent> of_grids(const std::vector<std::pair<std::array<
     return std::make_unique<LatticeDescent>(std::move(made), to_nodes(levels), falloff, radius, threads, exact);
 }
 
-std::unique_ptr<LatticeDescent> of_points(const Numbers& places,
-                                          const Numbers& samples, const std::vector<GivenNodes>& levels,
-                                          double falloff, double radius, int threads) {
+std::unique_ptr<LatticeDescent> of_points(const Numbers& places, const Numbers& samples,
+                                          const std::vector<GivenNodes>& levels, double falloff, double radius,
+                                          int threads) {
     fit::SamplePoints points;
     const auto at = places.unchecked<2>();
     for (py::ssize_t i = 0; i < at.shape(0); ++i) {
@@ -116,8 +114,7 @@ void register_descent(py::module_& module) {
                 }
                 return to_tuple(pass);
             },
-            py::arg("level"), py::arg("step"), py::arg("squared_error_a_bit"), py::arg("bits"),
-            py::arg("only_active"))
+            py::arg("level"), py::arg("step"), py::arg("squared_error_a_bit"), py::arg("bits"), py::arg("only_active"))
         .def(
             "set",
             [](LatticeDescent& descent, std::size_t level, const Numbers& given) {

@@ -45,7 +45,7 @@ struct Nodes {
 
 /// What a pass found.
 struct Pass {
-    double largest = 0.0;   ///< |correlation| / |g| of a kernel with the residual, before it changed; of those looked at
+    double largest = 0.0; ///< |correlation| / |g| of a kernel with the residual, before it changed; of those looked at
     std::size_t active = 0; ///< coefficients that are not 0 after it
 };
 
@@ -57,10 +57,10 @@ using BitTable = std::array<std::array<float, told_magnitudes>, contexts>;
 
 class LatticeDescent {
   public:
-    /// levels >= 1, whose spacings are multiples of 1/2; radius > 0 in spacings; exact: the residual is kept in float64.
-    /// Throws OutOfMemory.
-    LatticeDescent(std::vector<SampleGrid> grids, std::vector<Nodes> levels, double falloff, double radius,
-                   int threads, bool exact);
+    /// levels >= 1, whose spacings are multiples of 1/2; radius > 0 in spacings; exact: the residual is kept in
+    /// float64. Throws OutOfMemory.
+    LatticeDescent(std::vector<SampleGrid> grids, std::vector<Nodes> levels, double falloff, double radius, int threads,
+                   bool exact);
     LatticeDescent(SamplePoints points, std::vector<Nodes> levels, double falloff, double radius, int threads);
     ~LatticeDescent();
     LatticeDescent(const LatticeDescent&) = delete;
@@ -83,7 +83,8 @@ class LatticeDescent {
     void set(std::size_t level, const std::vector<double>& coefficients);
 
   private:
-    template <class Change> Pass sweep(std::size_t level, bool only_active, const Change& change);
+    template <class Change>
+    Pass sweep(std::size_t level, bool only_active, const Change& change);
 
     std::vector<Nodes> levels_;
     std::vector<std::vector<float>> coefficients_;

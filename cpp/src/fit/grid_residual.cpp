@@ -21,19 +21,22 @@ namespace sheetsplat::fit {
 constexpr std::size_t behind_row = 64;
 
 /// A row of a kernel's samples: places from the node's, rounded down.
-template <class T> struct KernelRow {
+template <class T>
+struct KernelRow {
     std::int32_t dy, dz, first, last;
     T across; ///< the Gaussian of the distances along y and z
 };
 
 /// A kernel at samples, for nodes that lie alike between them.
-template <class T> struct Stencil {
+template <class T>
+struct Stencil {
     std::vector<KernelRow<T>> rows;
     std::vector<T> along; ///< the Gaussian along x, from -reach on, zeros behind
     std::array<std::int32_t, 3> reach{};
 };
 
-template <class T> struct Grid {
+template <class T>
+struct Grid {
     std::array<std::int32_t, 3> counts{};
     std::array<double, 3> offset{};
     std::size_t stride = 0;
@@ -41,14 +44,16 @@ template <class T> struct Grid {
     std::vector<T> known; ///< 1 or 0; empty: all are
 };
 
-template <class T> struct RowRange {
+template <class T>
+struct RowRange {
     const Grid<T>* grid;
     const Stencil<T>* stencil;
     std::array<std::int32_t, 3> at; ///< of the node, rounded down
     T lowered, scale;
 };
 
-template <class T> struct Loops {
+template <class T>
+struct Loops {
     Correlation (*correlate)(const RowRange<T>& range);
     void (*subtract)(const RowRange<T>& range, double change, T* residual);
 };
@@ -60,8 +65,10 @@ HWY_BEFORE_NAMESPACE();
 namespace sheetsplat::fit::HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// Calls use(place of the first number, kernel's values, known ones or null, count) for each vector of the kernel's rows.
-template <bool all_known, class T, class Use> HWY_INLINE void visit(const RowRange<T>& range, const Use& use) {
+/// Calls use(place of the first number, kernel's values, known ones or null, count) for each vector of the kernel's
+/// rows.
+template <bool all_known, class T, class Use>
+HWY_INLINE void visit(const RowRange<T>& range, const Use& use) {
     const hn::ScalableTag<T> d;
     const auto lanes = static_cast<std::int32_t>(hn::Lanes(d));
     const Grid<T>& grid = *range.grid;
@@ -96,7 +103,8 @@ template <bool all_known, class T, class Use> HWY_INLINE void visit(const RowRan
     }
 }
 
-template <bool all_known, class T> Correlation correlate_at(const RowRange<T>& range) {
+template <bool all_known, class T>
+Correlation correlate_at(const RowRange<T>& range) {
     const hn::ScalableTag<T> d;
     auto product = hn::Zero(d), norm = hn::Zero(d);
     const T* const residual = range.grid->residual.data();
@@ -109,11 +117,13 @@ template <bool all_known, class T> Correlation correlate_at(const RowRange<T>& r
             scale * scale * static_cast<double>(hn::GetLane(hn::SumOfLanes(d, norm)))};
 }
 
-template <class T> Correlation correlate(const RowRange<T>& range) {
+template <class T>
+Correlation correlate(const RowRange<T>& range) {
     return range.grid->known.empty() ? correlate_at<true, T>(range) : correlate_at<false, T>(range);
 }
 
-template <bool all_known, class T> void subtract_at(const RowRange<T>& range, double change, T* residual) {
+template <bool all_known, class T>
+void subtract_at(const RowRange<T>& range, double change, T* residual) {
     const hn::ScalableTag<T> d;
     const auto by = hn::Set(d, static_cast<T>(change * static_cast<double>(range.scale)));
     visit<all_known, T>(range, [&](std::size_t place, hn::Vec<decltype(d)> g) {
@@ -121,7 +131,8 @@ template <bool all_known, class T> void subtract_at(const RowRange<T>& range, do
     });
 }
 
-template <class T> void subtract(const RowRange<T>& range, double change, T* residual) {
+template <class T>
+void subtract(const RowRange<T>& range, double change, T* residual) {
     if (range.grid->known.empty()) {
         subtract_at<true, T>(range, change, residual);
     } else {
@@ -129,7 +140,10 @@ template <class T> void subtract(const RowRange<T>& range, double change, T* res
     }
 }
 
-template <class T> Loops<T> of_this_set() { return {&correlate<T>, &subtract<T>}; }
+template <class T>
+Loops<T> of_this_set() {
+    return {&correlate<T>, &subtract<T>};
+}
 
 } // namespace sheetsplat::fit::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
@@ -139,7 +153,8 @@ namespace sheetsplat::fit {
 
 namespace {
 
-template <class T> Loops<T> chosen_loops() {
+template <class T>
+Loops<T> chosen_loops() {
     switch (chosen_instruction_set()) {
 #if HWY_TARGETS & HWY_SSE4
     case InstructionSet::sse4:
@@ -162,7 +177,8 @@ template <class T> Loops<T> chosen_loops() {
     }
 }
 
-template <class T> class GridResidual final : public Residual {
+template <class T>
+class GridResidual final : public Residual {
   public:
     GridResidual(std::vector<SampleGrid> grids, const std::vector<Nodes>& levels, double falloff, double radius)
         : levels_(levels), lowered_(static_cast<T>(std::exp(-falloff))),
@@ -173,7 +189,8 @@ template <class T> class GridResidual final : public Residual {
         }
         for (const Nodes& nodes : levels_) {
             for (unsigned phase = 0; phase < 8; ++phase) {
-                stencils_.push_back(phase > 0 && !has_halves(nodes) ? Stencil<T>() : stencil_of(nodes, phase, falloff, radius));
+                stencils_.push_back(phase > 0 && !has_halves(nodes) ? Stencil<T>()
+                                                                    : stencil_of(nodes, phase, falloff, radius));
             }
         }
     }
@@ -211,9 +228,11 @@ template <class T> class GridResidual final : public Residual {
         std::vector<double> all;
         for (const Grid<T>& grid : grids_) {
             for (std::size_t row = 0; row < rows(grid); ++row) {
-                for (std::size_t i = row * grid.stride; i < row * grid.stride + static_cast<std::size_t>(grid.counts[0]); ++i) {
+                for (std::size_t i = row * grid.stride;
+                     i < row * grid.stride + static_cast<std::size_t>(grid.counts[0]); ++i) {
                     const bool known = grid.known.empty() || grid.known[i] > T(0);
-                    all.push_back(known ? static_cast<double>(grid.residual[i]) : std::numeric_limits<double>::quiet_NaN());
+                    all.push_back(known ? static_cast<double>(grid.residual[i])
+                                        : std::numeric_limits<double>::quiet_NaN());
                 }
             }
         }
@@ -225,7 +244,8 @@ template <class T> class GridResidual final : public Residual {
         return static_cast<std::size_t>(grid.counts[1]) * static_cast<std::size_t>(grid.counts[2]);
     }
 
-    template <class Use> void for_each_row(const Use& use) const {
+    template <class Use>
+    void for_each_row(const Use& use) const {
         for (const Grid<T>& grid : grids_) {
             for (std::size_t row = 0; row < rows(grid); ++row) {
                 use(grid.residual.data() + row * grid.stride, static_cast<std::size_t>(grid.counts[0]));

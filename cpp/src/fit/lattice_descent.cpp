@@ -39,7 +39,8 @@ class Neighbours {
         if (x < 0 || y < 0 || z < 0 || x >= counts[0] || y >= counts[1] || z >= counts[2]) {
             return 0;
         }
-        const auto row = static_cast<std::size_t>(z) * static_cast<std::size_t>(counts[1]) + static_cast<std::size_t>(y);
+        const auto row =
+            static_cast<std::size_t>(z) * static_cast<std::size_t>(counts[1]) + static_cast<std::size_t>(y);
         const float value = (*values_)[row * static_cast<std::size_t>(counts[0]) + static_cast<std::size_t>(x)];
         return static_cast<int>(std::min(std::fabs(value) * per_step_ + 0.5F, static_cast<float>(most)));
     }
@@ -126,7 +127,8 @@ struct DescentParts {
 LatticeDescent::LatticeDescent(std::vector<SampleGrid> grids, std::vector<Nodes> levels, double falloff, double radius,
                                int threads, bool exact)
     : levels_(std::move(levels)),
-      parts_(new DescentParts{residual_of(std::move(grids), levels_, falloff, radius, exact), OwnPool(new ThreadPool(threads))}) {
+      parts_(new DescentParts{residual_of(std::move(grids), levels_, falloff, radius, exact),
+                              OwnPool(new ThreadPool(threads))}) {
     for (const Nodes& one : levels_) {
         coefficients_.emplace_back(one.size(), 0.0F);
         norms_.push_back(full_norm(one, falloff, radius));
@@ -135,8 +137,8 @@ LatticeDescent::LatticeDescent(std::vector<SampleGrid> grids, std::vector<Nodes>
 
 LatticeDescent::LatticeDescent(SamplePoints points, std::vector<Nodes> levels, double falloff, double radius,
                                int threads)
-    : levels_(std::move(levels)),
-      parts_(new DescentParts{residual_of(std::move(points), levels_, falloff, radius), OwnPool(new ThreadPool(threads))}) {
+    : levels_(std::move(levels)), parts_(new DescentParts{residual_of(std::move(points), levels_, falloff, radius),
+                                                          OwnPool(new ThreadPool(threads))}) {
     for (const Nodes& one : levels_) {
         coefficients_.emplace_back(one.size(), 0.0F);
         norms_.push_back(full_norm(one, falloff, radius));
@@ -149,7 +151,8 @@ std::array<double, 2> LatticeDescent::misfit() const { return parts_->residual->
 
 std::vector<double> LatticeDescent::residual() const { return parts_->residual->numbers(); }
 
-template <class Change> Pass LatticeDescent::sweep(std::size_t level, bool only_active, const Change& change) {
+template <class Change>
+Pass LatticeDescent::sweep(std::size_t level, bool only_active, const Change& change) {
     const Nodes& nodes = levels_[level];
     std::vector<float>& values = coefficients_[level];
     const double least = least_share * norms_[level] * norms_[level];
@@ -181,7 +184,8 @@ template <class Change> Pass LatticeDescent::sweep(std::size_t level, bool only_
                             if (!(with.squared_norm > least)) {
                                 continue;
                             }
-                            pass.largest = std::max(pass.largest, std::fabs(with.product) / std::sqrt(with.squared_norm));
+                            pass.largest =
+                                std::max(pass.largest, std::fabs(with.product) / std::sqrt(with.squared_norm));
                             const double best = old + with.product / with.squared_norm;
                             const auto made = static_cast<float>(change(node, best, with.squared_norm));
                             if (made != old) {
@@ -210,8 +214,7 @@ Pass LatticeDescent::soften(std::size_t level, double threshold, bool only_activ
     });
 }
 
-Pass LatticeDescent::round_off(std::size_t level, double step, double lambda, const BitTable& bits,
-                               bool only_active) {
+Pass LatticeDescent::round_off(std::size_t level, double step, double lambda, const BitTable& bits, bool only_active) {
     const Neighbours own(levels_[level], coefficients_[level], step);
     const bool has_coarser = level + 1 < levels_.size();
     // Steps fall with the norm, as those of all levels do.

@@ -37,9 +37,8 @@ class PointResidual final : public Residual {
     }
 
     void subtract(std::size_t level, const std::array<int, 3>& node, double change) override {
-        for_each(level, node, [&](const Entry& entry) {
-            residual_[entry.point] -= change * static_cast<double>(entry.kernel);
-        });
+        for_each(level, node,
+                 [&](const Entry& entry) { residual_[entry.point] -= change * static_cast<double>(entry.kernel); });
     }
 
     [[nodiscard]] std::array<double, 2> misfit() const override {
@@ -66,7 +65,8 @@ class PointResidual final : public Residual {
         std::array<int, 3> from{}, to{};
         for (std::size_t axis = 0; axis < 3; ++axis) {
             from[axis] = std::max(0, static_cast<int>(std::ceil(at[axis] - radius)) - nodes.first[axis]);
-            to[axis] = std::min(nodes.counts[axis] - 1, static_cast<int>(std::floor(at[axis] + radius)) - nodes.first[axis]);
+            to[axis] =
+                std::min(nodes.counts[axis] - 1, static_cast<int>(std::floor(at[axis] + radius)) - nodes.first[axis]);
         }
         const double lowered = std::exp(-falloff), scale = -1.0 / std::expm1(-falloff);
         for (int z = from[2]; z <= to[2]; ++z) {
@@ -97,7 +97,8 @@ class PointResidual final : public Residual {
         for (std::size_t node = 0; node < nodes.size(); ++node) {
             made.begins[node + 1] += made.begins[node];
         }
-        require_memory(checked_product(made.begins.back(), sizeof(Entry), what), what, "encode a part of the data, or fewer samples");
+        require_memory(checked_product(made.begins.back(), sizeof(Entry), what), what,
+                       "encode a part of the data, or fewer samples");
         made.entries.resize(made.begins.back());
         std::vector<std::size_t> next(made.begins.begin(), made.begins.end() - 1);
         for (std::size_t i = 0; i < places.size(); ++i) {
@@ -109,7 +110,8 @@ class PointResidual final : public Residual {
         return made;
     }
 
-    template <class Use> void for_each(std::size_t level, const std::array<int, 3>& node, const Use& use) const {
+    template <class Use>
+    void for_each(std::size_t level, const std::array<int, 3>& node, const Use& use) const {
         const Nodes& nodes = levels_[level];
         const auto row = static_cast<std::size_t>(node[2]) * static_cast<std::size_t>(nodes.counts[1]) +
                          static_cast<std::size_t>(node[1]);

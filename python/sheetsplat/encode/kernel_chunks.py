@@ -1,9 +1,10 @@
 """Scattered kernels as a chunk of a file, and as a field.
 
-Chunk "E": version (1 byte), normalisation (1: 0 none, 1 threshold), flags (1), w0, falloff, base (8-byte floats), bound
-and root mean square of the distances, least and largest value of the data (4-byte floats), then what the flags say, in
-8-byte floats: 1 a periodic box (6: lower and upper corner), 2 a box where the field ends (6), 4 the default distance of slices
-(1); 8 x-rays are plain sums (nothing). The kernels follow as `ellipsoids` says, values counted from the base.
+Chunk "E": version (1 byte), normalisation (1: 0 none, 1 threshold), flags (1), w0, falloff, base (8-byte floats),
+bound and root mean square of the distances, least and largest value of the data (4-byte floats), then what the flags
+say, in 8-byte floats: 1 a periodic box (6: lower and upper corner), 2 a box where the field ends (6), 4 the default
+distance of slices (1); 8 x-rays are plain sums (nothing). The kernels follow as `ellipsoids` says, values counted
+from the base.
 """
 
 from __future__ import annotations

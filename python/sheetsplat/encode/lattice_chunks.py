@@ -2,11 +2,11 @@
 
 Chunk "G": version (1 byte), flags (1), number of levels (1), of chunks "L" (1), which levels are not all 0 (2, bit l
 for level l), samples along x, y, z (4 each), spacing of level 0, falloff, radius in spacings (4-byte floats), base,
-step (8-byte floats), least and largest value of the data (4-byte floats), then what the flags say, in 8-byte floats: 1
-(BCC) nothing, 2 (the field ends half a sample distance beyond the samples; BCC: a quarter of the edge) nothing, 4 the origin
-(3), 8 steps of i, j and k in the world (9; else 1 along each axis), 16 the extent of the samples in index coordinates
-(3), which else follows from their numbers, 32 the default
-distance of slices, which else is the least length of the steps (BCC: half of it).
+step (8-byte floats), least and largest value of the data (4-byte floats), then what the flags say, in 8-byte floats:
+1 (BCC) nothing, 2 (the field ends half a sample distance beyond the samples; BCC: a quarter of the edge) nothing, 4
+the origin (3), 8 steps of i, j and k in the world (9; else 1 along each axis), 16 the extent of the samples in index
+coordinates (3), which else follows from their numbers, 32 the default distance of slices, which else is the least
+length of the steps (BCC: half of it).
 
 Chunk "L": first and last level, counted from the coarsest down (1 byte each), bound and root mean square of the
 distances (4-byte floats), then 4-byte words of the range coder (package constriction, RangeEncoder) with the levels

@@ -1,0 +1,1 @@
+"""Fields of few kernels, and their bytes."""

@@ -61,14 +61,18 @@ class Bytes:
         return self._data[self._at - size : self._at]
 
     def varint(self) -> int:
-        """Return a whole number below 2**63."""
-        value = 0
-        for shift in range(0, 63, 7):
+        """Return a whole number below 2**64."""
+        value = shift = 0
+        while True:
             byte = self.take(1)[0]
             value |= (byte & 127) << shift
+            if value >> 64:
+                raise damaged("a number of more than 64 bits", "at most 64")
             if byte < 128:
                 return value
-        raise damaged("a number of more than 63 bits", "at most 63")
+            shift += 7
+            if shift > 63:
+                raise damaged("a number of more than ten bytes", "at most ten")
 
 
 def varint(value: int) -> bytes:

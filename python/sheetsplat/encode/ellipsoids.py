@@ -108,8 +108,9 @@ class Steps:
 
     @staticmethod
     def size(step: int) -> float:
-        """Return the step itself."""
-        return float(2.0 ** (step / 16.0))
+        """Return the step itself; infinite, or 0, beyond float64."""
+        with np.errstate(over="ignore", under="ignore"):
+            return float(np.exp2(step / 16.0))
 
 
 def _spread(cells: NDArray[np.uint64]) -> NDArray[np.uint64]:

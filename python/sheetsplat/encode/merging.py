@@ -4,8 +4,10 @@ Kernels are joined in pairs, those first whose joining changes the field least (
 wanted. Each round finds every kernel's nearest others in a k-d tree, and joins the pairs that are the cheapest of both
 their kernels, the cheaper half of them. Integrals of m g and of m (f - b) g are kept exactly.
 
-The change has two parts, each as a share of its whole: that of the sums of values, which x-rays show, and that of the
-values as pictures show them, by their decades where they span many, of which the details of small kernels count most.
+The change has two parts, each as a share of its whole. Of plain sums, also those of particles, whose x-rays are, they
+are the change of the sums, and that of the values as pictures show them, by their decades where they span many, of
+which the details of small kernels count most. Where sums of values are divided by sums of weights, they are what the
+values of a pair differ by, which is all that shows inside the data, and a little of the change of the weights.
 """
 
 from __future__ import annotations
@@ -25,12 +27,14 @@ from sheetsplat.look.decades import floor_of
 from .pairs import Clusters, Floats, Measure, Whole, costs
 
 # Neighbours of a kernel that are looked at.
-_NEIGHBOURS = 5
-# Of the pairs that are the cheapest of both their kernels, the share that is joined at once.
+_NEIGHBOURS = 3
+# Of the pairs that are the cheapest of both their kernels, the share that is joined at once: more join too early.
 _SHARE = 0.5
 # How much more small kernels count than large ones where details do (Measure.power). Measured: powers from 1.5 to 1.75
 # give the closest pictures of particles, 1.5 to 2 the closest fields of trained kernels.
 _DETAIL = 1.6
+# The share of the weights beside that of the values, where these are divided by them.
+_WEIGHTS = 0.01
 _NODES = 96
 # So many kernels a side of the box of centres stays as it is (_ends) only where the ends are few among the kernels.
 _SIDES = 16
@@ -81,8 +85,11 @@ def _clusters(field: EllipsoidField, unit: float) -> tuple[Clusters, list[Measur
     order = cKDTree(field.centers).indices
     arrays = (mass[order], field.centers[order].T / unit, covariances[:, order], sums[:, order], order)
     clusters = Clusters(*(np.ascontiguousarray(array) for array in arrays))
-    wanted = (Measure(0, 0.0), Measure(1, _DETAIL))
-    measures = [replace(one, scale=total) for one in wanted if (total := one.total(clusters)) > 0.0]
+    if field.normalization != "threshold" or field.keeps_mass:
+        wanted = ((Measure(0, 0.0), 1.0), (Measure(1, _DETAIL), 1.0))
+    else:
+        wanted = ((Measure(1, 0.0, contrast=True), 1.0), (Measure(None, 0.0), _WEIGHTS))
+    measures = [replace(one, scale=total / share) for one, share in wanted if (total := one.total(clusters)) > 0.0]
     # Where all values are the base, the field is known by its weights alone.
     return clusters, measures or [Measure(None, 0.0)]
 

@@ -19,6 +19,9 @@ Whole = NDArray[np.int64]
 _FLATTEST = 1e-15
 # Pairs that are looked at at once: their numbers stay in the cache.
 _CHUNK = 1 << 14
+# Kernels that are farther apart than this share of the overlap of two at one place, three standard deviations of both,
+# cost the more, and at most so much: they are joined last, as what becomes of them bridges a gap.
+_NEAR, _MOST = 0.01, 1e12
 
 
 def squares(d: Floats) -> Floats:
@@ -107,11 +110,15 @@ class Measure:
         kernels do; more, small ones count more.
     scale
         What the cost is divided by.
+    contrast
+        Only what a pair's values differ by counts, as where sums of values are divided by sums of weights: there what
+        both change alike does not show.
     """
 
     row: int | None
     power: float
     scale: float = 1.0
+    contrast: bool = False
 
     def of(self, clusters: Clusters) -> Floats:
         """Return the integrals of the density."""
@@ -141,9 +148,13 @@ def costs(clusters: Clusters, i: Whole, j: Whole, apart: Floats, measures: Seque
         for measure in measures:
             density = measure.of(clusters)
             p, q = density[one], density[two]
+            if measure.contrast:
+                # Less the mean value of the two.
+                p, q = b * p - a * q, a * q - b * p
             change = p * p * own[one] + q * q * own[two] + 2.0 * p * q * mixed
             change += (p + q) * ((p + q) * alone - 2.0 * (p * with_first + q * with_second))
             cost += change / (both**measure.power * measure.scale)
         # Equal kernels at one place cost nothing, but for rounding.
-        found[part] = np.maximum(cost, 0.0)
+        near = mixed * np.sqrt(determinant(first_spread + second_spread))
+        found[part] = np.maximum(cost, 0.0) / np.clip(near / _NEAR, 1.0 / _MOST, 1.0)
     return found

@@ -13,14 +13,14 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sheetsplat._checks import number
+from sheetsplat._checks import number, whole
 from sheetsplat.errors import complain, unusable
 from sheetsplat.fields import EllipsoidField
 from sheetsplat.fields.axes import frames
 
 from .columns import bits_of
-from .ellipsoids import CELLS, Rows, Steps, columns_of, layers_of, origin_of, pack, rows_of
-from .shapes import Floats
+from .ellipsoids import CELLS, MOST_LAYERS, Rows, Steps, columns_of, layers_of, origin_of, pack, rows_of
+from .shapes import Floats, coordinates
 
 _PARTS = tuple(field.name for field in fields(Steps))
 _ARRAYS = {"place": ("centers",), "shape": ("scales", "rotations"), "value": ("values",), "weight": ("weights",)}
@@ -29,6 +29,8 @@ _LAYERS, _FEW = 4, 512
 _ROUNDS = 2
 # Steps of the first trial: places in shares of the smallest semi-axes, values in shares of their range.
 _FIRST = {"place": 1.0 / 32.0, "shape": 1.0 / 256.0, "value": 1.0 / 2048.0, "weight": 1.0 / 32.0}
+# Whole numbers of values and shapes stay below this; steps below the least have no float64 as their inverse.
+_LARGEST_NUMBER, _LEAST_STEP = 2.0**50, 1e-290
 # Sixteenths of an octave by which all steps are changed at first until the error is met, and at most.
 _OCTAVE, _STRIDE, _MOST = 16, 16, 320
 # Times that points in the whole box are drawn until as many lie where they count.
@@ -110,8 +112,8 @@ def sample_points(field: EllipsoidField, count: int, seed: int) -> list[Points]:
         found.append((points[counted], rim))
         if inner < count:
             inner, draws = inner + int((~rim).sum()), draw
-    whole, rims = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
-    box = Points.of(whole, np.where(rims, draws / _DRAWS, 1.0)) if len(whole) > min(count, _RARE) else None
+    every, rims = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
+    box = Points.of(every, np.where(rims, draws / _DRAWS, 1.0)) if len(every) > min(count, _RARE) else None
     return [one for one in (Points.of(near, np.ones(len(near))) if len(near) else None, box) if one is not None]
 
 
@@ -173,10 +175,13 @@ class _Trial:
         return made
 
     def allowed(self, steps: list[Steps]) -> list[Steps]:
-        """Return steps whose numbers fit: places have at most 21 bits an axis."""
-        extent = float(np.ptp(self.rows.centers, axis=0).max())
-        least = -(10**4) if extent == 0.0 else -Steps.nearest(CELLS / (1.01 * extent))
-        return [replace(own, place=max(own.place, least)) for own in steps]
+        """Return steps whose numbers fit: places have at most 21 bits an axis, all others 50."""
+        rows = self.rows
+        largest = {"value": rows.values, "shape": coordinates(rows.scales, rows.rotations)}
+        limits = {name: float(np.abs(array).max()) / _LARGEST_NUMBER for name, array in largest.items()}
+        limits["place"] = 1.01 * float(np.ptp(rows.centers, axis=0).max()) / CELLS
+        least = {name: -Steps.nearest(1.0 / limit) for name, limit in limits.items() if limit > _LEAST_STEP}
+        return [replace(own, **{name: max(getattr(own, name), n) for name, n in least.items()}) for own in steps]
 
 
 def _balanced(trial: _Trial, steps: list[Steps], wanted: float) -> list[Steps]:
@@ -221,21 +226,25 @@ def packed(
     seed
         Of the points.
     layers
-        How many; 4 unless given, 1 of few kernels.
+        How many, at most 16; 4 unless given, 1 of few kernels, and 1 for the normalisation "lattice".
     points
         How many of each kind.
 
     Raises
     ------
     InvalidInput
-        For an empty field and for decibels that are no number above 0.
+        For an empty field, for decibels that are no number above 0, and for other numbers of layers.
     """
     asked = number("packed: decibels", decibels)
     if not 0.0 < asked <= 300.0:
         raise complain(unusable("packed: decibels"), f"{asked:g}", "a number above 0, at most 300")
+    if layers is not None and not 1 <= whole("packed: layers", layers) <= MOST_LAYERS:
+        raise complain(unusable("packed: layers"), str(layers), f"1 to {MOST_LAYERS}")
     if not field.size:
         raise complain("ellipsoids cannot be packed", "a field without kernels", "at least one")
-    trial = _Trial(field, layers or (_LAYERS if field.size >= _FEW else 1), points, seed)
+    # (Kernels of "lattice" have one volume, and so one step.)
+    most = 1 if field.normalization == "lattice" else layers or (_LAYERS if field.size >= _FEW else 1)
+    trial = _Trial(field, min(most, field.size), points, seed)
     wanted = float(10.0 ** (-asked / 10.0))
     steps = trial.allowed(trial.first())
     for _ in range(_ROUNDS):

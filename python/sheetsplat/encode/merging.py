@@ -6,7 +6,8 @@ their kernels, the cheaper half of them. Integrals of m g and of m (f - b) g are
 
 The change has two parts, each as a share of its whole. Of plain sums, also those of particles, whose x-rays are, they
 are the change of the sums, and that of the values as pictures show them, by their decades where they span many, of
-which the details of small kernels count most. Where sums of values are divided by sums of weights, they are what the
+which the details of small kernels count most. (Values fitted to the field by least squares afterwards were no closer
+anywhere else, and lost mass.) Where sums of values are divided by sums of weights, they are what the
 values of a pair differ by, which is all that shows inside the data, and a little of the change of the weights.
 """
 

@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from sheetsplat._checks import number, whole
 from sheetsplat.errors import complain, unusable
-from sheetsplat.fields import EllipsoidField
-from sheetsplat.fields.axes import frames
+from sheetsplat.fields import EllipsoidField, Field
+from sheetsplat.look.decades import floor_of, logarithmic
 
 from .columns import bits_of
-from .ellipsoids import CELLS, MOST_LAYERS, Rows, Steps, columns_of, layers_of, origin_of, pack, rows_of
-from .shapes import Floats, coordinates
+from .ellipsoids import CELLS, MOST_LAYERS, Frame, Rows, Steps, columns_of, layers_of, pack, rows_of
+from .sampling import Points, sample_points
+from .shapes import coordinates
 
 _PARTS = tuple(field.name for field in fields(Steps))
 _ARRAYS = {"place": ("centers",), "shape": ("scales", "rotations"), "value": ("values",), "weight": ("weights",)}
@@ -33,12 +34,8 @@ _FIRST = {"place": 1.0 / 32.0, "shape": 1.0 / 256.0, "value": 1.0 / 2048.0, "wei
 _LARGEST_NUMBER, _LEAST_STEP = 2.0**50, 1e-290
 # Sixteenths of an octave by which all steps are changed at first until the error is met, and at most.
 _OCTAVE, _STRIDE, _MOST = 16, 16, 320
-# Times that points in the whole box are drawn until as many lie where they count.
-_DRAWS, _RARE = 16, 1000
-# Share of the usual sum of weights.
-_USUAL = 0.01
-# One point of so many is enough to see what a part contributes.
-_THINNED = 4
+# Where two strides leave so much of the error, finer steps are bytes for nothing.
+_NO_GAIN = 0.7
 
 
 @dataclass(frozen=True)
@@ -65,56 +62,25 @@ def rows_of_field(field: EllipsoidField) -> Rows:
     return Rows(field.centers, field.scales, field.rotations, field.values, field.weights)
 
 
-@dataclass(frozen=True, eq=False)
-class Points:
-    """Points at which errors are measured, and how much each counts: world positions (M, 3), and shares of 1 (M,)."""
+class _Seen:
+    """What a field shows at points, as it is or in decades above a floor."""
 
-    at: Floats
-    shares: Floats
+    def __init__(self, field: EllipsoidField, points: list[Points], floor: float | None) -> None:
+        self._floor = floor
+        exact = [self._form(field).at(one.at) for one in points]
+        self._exact = list(zip(exact, points, strict=True))
+        found = np.concatenate(exact)
+        self.range = float(np.ptp(found)) or float(np.abs(found).max(initial=0.0)) or 1.0
 
-    @staticmethod
-    def of(at: Floats, weights: Floats) -> Points:
-        """Return points by weights of any sum."""
-        return Points(at, weights / weights.sum())
+    def _form(self, field: EllipsoidField) -> Field:
+        return field if self._floor is None else logarithmic(field, self._floor)
 
-    def thinned(self) -> Points:
-        """Return some of the points."""
-        return Points.of(self.at[::_THINNED], self.shares[::_THINNED])
-
-
-def sample_points(field: EllipsoidField, count: int, seed: int) -> list[Points]:
-    """Return two sets of points: random ones within kernels, and random ones in the whole box.
-
-    Where values are divided by weights, points count where the sum of weights is above w0, or above a share of what it
-    usually is, if that is less: in the sliver below, at the rim of the outermost kernels, the scalar jumps to the base
-    and would hide all other errors. Of the second set points just inside the rim, where errors are rare and large, are
-    drawn more densely than others. The set is left out where points that count are rare.
-    """
-    random = np.random.default_rng(seed)
-    low, high = np.array(field.bounds)
-    chosen = random.integers(0, field.size, count)
-    within = random.normal(size=(count, 3))
-    within *= (random.random(count) ** (1.0 / 3.0) / np.linalg.norm(within, axis=1))[:, None]
-    within *= field.scales[chosen, None] if field.scales.ndim == 1 else field.scales[chosen]
-    if field.rotations is not None:
-        within = np.einsum("nij,nj->ni", frames(field.rotations[chosen]), within)
-    within += field.centers[chosen]
-    sums = field.weight_at(within)
-    least = min(field.w0, _USUAL * float(np.median(sums))) if field.normalization == "threshold" else 0.0
-    near = within[sums > least]
-    found = []
-    inner, draws = 0, 0
-    for draw in range(1, _DRAWS + 1):
-        points = low + (high - low) * random.random((count, 3))
-        sums = field.weight_at(points)
-        counted = (sums > least) & ((sums < 2.0 * least) | (inner < count))
-        rim = sums[counted] < 2.0 * least
-        found.append((points[counted], rim))
-        if inner < count:
-            inner, draws = inner + int((~rim).sum()), draw
-    every, rims = (np.concatenate(arrays) for arrays in zip(*found, strict=True))
-    box = Points.of(every, np.where(rims, draws / _DRAWS, 1.0)) if len(every) > min(count, _RARE) else None
-    return [one for one in (Points.of(near, np.ones(len(near))) if len(near) else None, box) if one is not None]
+    def errors(self, made: EllipsoidField) -> list[float]:
+        """Return the mean square errors of another field over the squared range, at each set of points."""
+        form = self._form(made)
+        return [
+            float(points.shares @ np.square((form.at(points.at) - one) / self.range)) for one, points in self._exact
+        ]
 
 
 class _Trial:
@@ -122,13 +88,14 @@ class _Trial:
 
     def __init__(self, field: EllipsoidField, layers: int, points: int, seed: int) -> None:
         self.field, self.rows = field, rows_of_field(field)
-        self.origin, self.layers = origin_of(self.rows), layers_of(self.rows, layers)
+        # Values of many decades are rounded by their logarithms, and measured as they are and as pictures show them.
+        floor = floor_of(field) if field.value_range[0] > 0.0 else None
+        self.frame = Frame.of(self.rows, logarithms=floor is not None)
+        self.layers = layers_of(self.rows, layers)
         drawn = sample_points(field, points, seed)
-        self.exact = [(field.at(one.at), one) for one in drawn]
-        found = np.concatenate([exact for exact, _ in self.exact])
-        self.range = float(np.ptp(found)) or float(np.abs(found).max(initial=0.0)) or 1.0
         thinned = [one.thinned() for one in drawn]
-        self.thinned = [(field.at(one.at), one) for one in thinned]
+        forms = [None] if floor is None else [None, floor]
+        self.seen, self.glanced = ([_Seen(field, some, one) for one in forms] for some in (drawn, thinned))
         self.parts = [name for name in _PARTS if name != "weight" or self.rows.weights is not None]
 
     def errors(self, steps: list[Steps], only: tuple[int, str] | None = None) -> list[float]:
@@ -147,14 +114,13 @@ class _Trial:
                         changed[array][chosen] = getattr(rounded, array)
         arrays = [changed.get(name) for name in ("centers", "scales", "rotations", "values", "weights")]
         made = self.field.with_rows(*arrays, value_range=self.field.value_range)  # type: ignore[arg-type]
-        pairs = self.exact if only is None else self.thinned
-        return [float(points.shares @ np.square((made.at(points.at) - exact) / self.range)) for exact, points in pairs]
+        return [error for one in (self.seen if only is None else self.glanced) for error in one.errors(made)]
 
     def _columns(self, layer: int, steps: Steps) -> list[NDArray[np.int64]]:
-        return columns_of(self.rows.of(self.layers[layer]), self.origin, steps)
+        return columns_of(self.rows.of(self.layers[layer]), self.frame, steps)
 
     def _rounded(self, layer: int, steps: Steps) -> Rows:
-        return rows_of(self._columns(layer, steps), self.rows.coordinates, self.origin, steps)
+        return rows_of(self._columns(layer, steps), self.rows.coordinates, self.frame, steps)
 
     def bits(self, layer: int, steps: Steps) -> dict[str, float]:
         """Return about how many bits the parts of a layer take."""
@@ -170,14 +136,16 @@ class _Trial:
         scales, made = self.rows.scales, []
         for chosen in self.layers:
             size = float(np.percentile(scales[chosen].reshape(len(chosen), -1).min(axis=1), 10))
-            units = {"place": size, "value": self.range}
+            values = float(np.ptp(np.log(self.rows.values))) if self.frame.logarithms else self.seen[0].range
+            units = {"place": size, "value": values or 1.0}
             made.append(Steps(**{name: Steps.nearest(_FIRST[name] * units.get(name, 1.0)) for name in _PARTS}))
         return made
 
     def allowed(self, steps: list[Steps]) -> list[Steps]:
         """Return steps whose numbers fit: places have at most 21 bits an axis, all others 50."""
         rows = self.rows
-        largest = {"value": rows.values, "shape": coordinates(rows.scales, rows.rotations)}
+        values = np.log(rows.values) if self.frame.logarithms else rows.values
+        largest = {"value": values, "shape": coordinates(rows.scales, rows.rotations)}
         limits = {name: float(np.abs(array).max()) / _LARGEST_NUMBER for name, array in largest.items()}
         limits["place"] = 1.01 * float(np.ptp(rows.centers, axis=0).max()) / CELLS
         least = {name: -Steps.nearest(1.0 / limit) for name, limit in limits.items() if limit > _LEAST_STEP}
@@ -222,7 +190,9 @@ def packed(
     field
         With at least one kernel.
     decibels
-        20 log10(range of ρ / RMSE), at points of the box and at points within kernels.
+        20 log10(range of ρ / RMSE), at points of the box and at points within kernels (`sample_points`); of values of
+        many decades also of their logarithms. At other points it may be a few decibels less where the field ends
+        abruptly, as with a small w0.
     seed
         Of the points.
     layers
@@ -258,7 +228,7 @@ def packed(
         return tried[by]
 
     by = 0
-    while error(by) > wanted and by > -_MOST:
+    while error(by) > wanted and by > -_MOST and not error(by) > _NO_GAIN * error(by + 2 * _STRIDE):
         by -= _STRIDE
     while error(by + _STRIDE) <= wanted and by < _MOST:
         by += _STRIDE
@@ -268,4 +238,4 @@ def packed(
         stride //= 2
     found = tuple(trial.allowed([_shifted(own, by) for own in steps]))
     reached = -10.0 * float(np.log10(max(error(by), 1e-30)))
-    return Packed(pack(trial.rows, found), reached, found)
+    return Packed(pack(trial.rows, found, logarithms=trial.frame.logarithms), reached, found)

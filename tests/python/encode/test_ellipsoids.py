@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from sheetsplat.encode.ellipsoids import MOST_LAYERS, Rows, Steps, layers_of, pa
 from sheetsplat.encode.shapes import coordinates, shapes
 from sheetsplat.encode.steps import packed, rows_of_field
 from sheetsplat.fields.axes import frames
+from sheetsplat.look.decades import floor_of, logarithmic
 
 DATA = Path(os.environ.get("SHEETSPLAT_DATA", "data"))
 FINE = Steps(*(Steps.nearest(step) for step in (1e-4, 1e-3, 1e-3, 1e-2)))
@@ -218,6 +220,37 @@ def test_more_layers_than_kernels_are_packed(layers):
     assert len(unpack(packed(field, 40.0, layers=layers, points=500).data)) == 7
 
 
+def test_values_of_many_decades_keep_their_logarithms():
+    """A picture of decades shows what is far below the largest values."""
+    field = random_field(2000, kind="spheres", w0=0.5)
+    values = 10.0 ** (3.0 * (field.values + 1.0))
+    field = field.with_rows(field.centers, field.scales, None, values, field.weights)
+    floor = floor_of(field)
+    assert floor is not None
+    rows = unpack(packed(field, 60.0, points=3000).data)
+    found = field.with_rows(rows.centers, rows.scales, None, rows.values, rows.weights)
+    for form in (lambda one: one, lambda one: logarithmic(one, floor)):
+        shown = form(found)
+        rows = Rows(shown.centers, shown.scales, None, shown.values, shown.weights)
+        assert decibels(form(field), rows, field.centers) >= 58.0
+    # Steps of the values themselves, as fine for the largest: the logarithms are lost.
+    size = float(np.ptp(values)) / 1000.0
+    steps = [Steps(FINE.place, FINE.shape, Steps.nearest(size), FINE.weight)]
+    coarse = unpack(pack(rows_of_field(field), steps))
+    raised = np.log10(np.maximum(coarse.values, floor) / floor)
+    assert decibels(logarithmic(field, floor), replace(coarse, values=raised), field.centers) < 40.0
+
+
+@pytest.mark.parametrize("layers", [1, 4])
+def test_the_box_of_centres_stays_to_the_bit(layers):
+    """Pictures anchor their slices by it."""
+    field = random_field()
+    coarse = Steps(*(Steps.nearest(step) for step in (0.05, 1e-3, 1e-3, 1e-2)))
+    found = unpack(pack(rows_of_field(field), [coarse] * layers))
+    np.testing.assert_array_equal(found.centers.min(axis=0), field.centers.min(axis=0))
+    np.testing.assert_array_equal(found.centers.max(axis=0), field.centers.max(axis=0))
+
+
 def test_weights_of_zero_are_packed():
     field = random_field()
     weights = field.weights.copy()
@@ -228,9 +261,12 @@ def test_weights_of_zero_are_packed():
 
 def test_far_places_reach_what_they_can():
     """Kernels of 1e-6 in a box of 1e3: places have 21 bits, and the bytes say that this is not enough."""
-    field = ss.EllipsoidField([(0, 0, 0), (1e3, 0, 0), (0, 333.3333, 0)], [1e-6] * 3, values=[1, 2, 3], w0=1e-3)
+    places = np.array([(0.0, 0, 0), (1e3, 0, 0), (333.3333, 0, 0), (123.4567, 0, 0)])
+    field = ss.EllipsoidField(places, [1e-6] * 4, values=[1, 2, 3, 4], w0=1e-3)
     made = packed(field, 60.0, points=1000)
-    assert made.decibels < 60.0 and len(unpack(made.data)) == 3
+    assert made.decibels < 60.0 and len(unpack(made.data)) == 4
+    # (Nearer ones are as exact as is asked.)
+    assert packed(ss.EllipsoidField(places * 1e-8, [1e-6] * 4, values=[1, 2, 3, 4], w0=1e-3), 60.0).decibels >= 60.0
 
 
 @pytest.mark.parametrize("asked", [0.0, -3.0, np.nan, np.inf, "much"])
@@ -297,7 +333,7 @@ def test_false_sizes_take_no_memory(monkeypatch):
     block = write_columns(zeros)
     from sheetsplat.encode.columns import varint
 
-    head = bytes((1, 6, 1)) + bytes(24)
+    head = bytes((1, 6, 1)) + bytes(48)
     for count in (2_000_000, 2**40, 2**62):
         data = head + varint(count) + bytes(8) + block
         tracemalloc.start()
@@ -315,7 +351,7 @@ def test_many_equal_kernels_are_written_so_that_they_are_read():
     assert len(data) < count / 200 and len(unpack(data)) == count
 
 
-@pytest.mark.parametrize("change", [{0: 2}, {1: 3}, {1: 8}, {2: 0}, {2: MOST_LAYERS + 1}, {9: 255, 10: 255}], ids=str)
+@pytest.mark.parametrize("change", [{0: 2}, {1: 3}, {1: 16}, {2: 0}, {2: MOST_LAYERS + 1}, {9: 255, 10: 255}], ids=str)
 def test_unknown_headers_are_refused(change):
     data = bytearray(pack(rows_of_field(random_field(60)), [FINE]))
     for place, value in change.items():
@@ -335,7 +371,8 @@ def test_trained_kernels_take_a_fifth_of_their_bytes(name, most):
     if not (DATA / name).exists():
         pytest.skip(f"{name} is measured data; set SHEETSPLAT_DATA to their folder")
     field = ss.open(DATA / name)
-    made = packed(field, 72.0)
+    # (Sums of rare large errors at the rim: at 100,000 random points they differ by a decibel or two.)
+    made = packed(field, 74.0)
     rows = unpack(made.data)
     assert len(rows) == field.size and len(made.data) <= most * field.size
     random = np.random.default_rng(123)

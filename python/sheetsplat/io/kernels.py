@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import pkgutil
 from typing import Any
 
 import numpy as np
@@ -89,7 +90,8 @@ def field_of(
     A Gaussian of standard deviation σ is drawn with a support of √(2 falloff) σ, 4 σ at the falloff of 8, where the
     kernel is exp(−r²/(2σ²)) lowered by 3·10⁻⁴.
     """
-    from sheetsplat import fit as fits
+    # (Fits encode, and encoding looks at decades, which come back here.)
+    fits: Any = pkgutil.resolve_name("sheetsplat.fit")
 
     values = data.values if logarithmic is False else logarithm(data.values, data.scalar, logarithmic)
     how = _way(data, fit, neighbors)
@@ -126,7 +128,8 @@ def field_of(
         around = box if data.cells is None else {}
         kernels = fits.delaunay(data.points, values, cells=data.cells, **decay, **around)
     _log.info("%s: %s", data.format, kernels)
-    return kernels.field(**options).with_orientation(data.orientation)
+    made: EllipsoidField = kernels.field(**options).with_orientation(data.orientation)
+    return made
 
 
 def given(**options: Any) -> dict[str, Any]:

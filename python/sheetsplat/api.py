@@ -99,7 +99,8 @@ def open(
     Regular volumes: .npy, .npz, NRRD, MetaImage (.mhd, .mha), NIfTI (.nii, .hdr), DICOM series (a folder, or one of its
     files), TIFF stacks (a file, or a folder of slices), MRC, OpenVDB, NetCDF, VTKHDF images, HDF5 with volumes
     (FILE:/dataset), Zarr and OME-Zarr (FOLDER:/array), .vti, .vtr, .pvti, .pvtr, .vtm and .pvd of images, .vtk of
-    images and rectilinear grids, raw samples. Scattered data: VTKHDF meshes, Gmsh (.msh), MED, XDMF, HDF5 with
+    images and rectilinear grids, raw samples. Scattered data: .ssk of encoded
+    fields, VTKHDF meshes, Gmsh (.msh), MED, XDMF, HDF5 with
     particles, .obj and .ply of closed meshes, .ply of 3D Gaussian Splatting, .vtm and .pvd of meshes (FILE.vtm:/block),
     .vthb, .vtu, .vts, .vtp, .pvtu, .pvts, .pvtp, .vtk, .csv, .npz with an array centers, PLOT3D solutions with a grid.
 
